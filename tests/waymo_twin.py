@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -121,6 +122,7 @@ def project(points_cam: np.ndarray) -> np.ndarray:
     )
 
 
+@cache
 def jpeg(camera: int, seconds: float) -> bytes:
     """The picture of a camera: balls, and the car as a flat patch."""
     yaw, place, _ = CAMERAS[camera]
@@ -147,6 +149,7 @@ def inclinations(laser: int) -> np.ndarray:
     return np.asarray(((edges[1:] + edges[:-1]) / 2)[::-1])
 
 
+@cache
 def sweep(laser: int, seconds: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
     """Both returns, the pose of every pixel (roll, pitch, yaw, x, y, z), and the number of returns in the car."""
     _, place, (rows, columns) = LASERS[laser]

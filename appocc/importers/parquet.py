@@ -19,14 +19,14 @@ _BATCH_ROWS, _BUFFER_BYTES = 4, 1 << 20
 
 
 def read_parquet(path: Path, columns: Sequence[str], optional: Sequence[str] = ()) -> Columns:
-    """Return columns of a parquet file, and those of some optional ones that it has.
+    """Return columns of a parquet file, and those of some optional ones that it has, NaN where unknown.
 
     Raises:
         AppoccError: if pyarrow is not installed.
         DataError: if the file is missing or damaged, a column is missing, or a number in one is not finite.
     """
     with Rows(path, columns) as rows:
-        return numpy_columns(path, rows.table(optional))
+        return numpy_columns(path, rows.table(optional), optional)
 
 
 class Rows:

@@ -35,15 +35,15 @@ def read_feather(path: Path, columns: Sequence[str]) -> Columns:
     return numpy_columns(path, table)
 
 
-def numpy_columns(path: Path, table: Any) -> Columns:
-    """Return the columns of an arrow table; lists are arrays.
+def numpy_columns(path: Path, table: Any, optional: Sequence[str] = ()) -> Columns:
+    """Return the columns of an arrow table; lists are arrays, missing numbers of optional columns NaN.
 
     Raises:
-        DataError: if a number is not finite.
+        DataError: if a number of another column is not finite.
     """
     found = {name: np.asarray(table.column(name).to_numpy()) for name in table.column_names}
     for name, values in found.items():
-        if values.dtype.kind == "f" and not np.isfinite(values).all():
+        if name not in optional and values.dtype.kind == "f" and not np.isfinite(values).all():
             raise DataError(f"{path}: {name}: expected finite numbers, got some that are not")
     return found
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from import_checks import assert_balls_in_place, assert_devkit_loads
@@ -208,6 +209,37 @@ def test_a_table_without_a_column_is_one_clear_line(sources: Path, tmp_path: Pat
     path = tmp_path / "v2/training/lidar_box" / f"{NAME}.parquet"
     pq.write_table(pq.read_table(path).drop_columns("[LiDARBoxComponent].box.heading"), path)
     assert "it lacks [LiDARBoxComponent].box.heading" in refused(tmp_path / "v2", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("component", "column", "value", "reason"),
+    [
+        ("vehicle_pose", "[VehiclePoseComponent].world_from_vehicle.transform", [2.0] * 16, "expected a pose"),
+        ("camera_image", "[CameraImageComponent].pose_timestamp", -1.0, "expected seconds since 1970, got -1.0"),
+        ("lidar_box", "[LiDARBoxComponent].box.size.x", 0.0, "box car: expected finite numbers and a positive size"),
+        ("lidar_calibration", "key.laser_name", 4, "expected the calibration of the upper LiDAR (1), got none"),
+    ],
+)
+def test_impossible_values_are_one_clear_line(
+    sources: Path, tmp_path: Path, component: str, column: str, value: object, reason: str
+) -> None:
+    shutil.copytree(sources / "v2", tmp_path / "v2")
+    path = tmp_path / "v2/training" / component / f"{NAME}.parquet"
+    table = pq.read_table(path)
+    place = table.column_names.index(column)
+    same = pa.array([value] * len(table), table.schema.field(column).type)
+    pq.write_table(table.set_column(place, column, same), path)
+    assert reason in refused(tmp_path / "v2", tmp_path)
+
+
+def test_unknown_speeds_are_no_attribute(sources: Path, tmp_path: Path) -> None:
+    shutil.copytree(sources / "v2", tmp_path / "v2")
+    path = tmp_path / "v2/training/lidar_box" / f"{NAME}.parquet"
+    table = pq.read_table(path)
+    place = table.column_names.index("[LiDARBoxComponent].speed.x")
+    pq.write_table(table.set_column(place, table.column_names[place], pa.nulls(len(table), pa.float64())), path)
+    import_logs(find_logs(tmp_path / "v2", 2.0), tmp_path / "out", "waymo", {})
+    assert set(Dataset(tmp_path / "out").tables["sample_annotation"]["attribute_tokens"]) == {()}
 
 
 def test_missing_components_and_pictures_are_told(sources: Path, tmp_path: Path) -> None:
