@@ -1,12 +1,14 @@
-"""Shared fixtures: the recorded data beside the repository, where it is present, and a tiny dataset made by hand."""
+"""Shared fixtures: the recorded data beside the repository, where it is present, a tiny dataset, an S3 server."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from s3_server import KEY, SECRET, S3Server, s3_server
 from tiny_dataset import TinyDataset
 from walkthrough import Walkthrough, run_walkthrough
 
@@ -90,3 +92,41 @@ def panda_root(walkthrough: Walkthrough) -> Path:
     """The recorded street (PandaSet 002) as the walkthrough converted it, with its maps; read only."""
     assert [code for code, _ in walkthrough.outcomes[:2]] == [0, 0], walkthrough.failures()
     return walkthrough.folder / "OUT"
+
+
+@pytest.fixture(scope="session")
+def _server() -> Iterator[S3Server]:
+    pytest.importorskip("s3fs", reason="the extra remote is not installed")
+    from appocc.files import object_store
+
+    with s3_server() as server:
+        yield server
+    object_store.forget_stores()
+
+
+@pytest.fixture
+def s3(_server: S3Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[S3Server]:
+    """An empty S3 server; the credentials in the environment are right, waits are short, the cache is empty."""
+    from appocc.files import object_store
+
+    for name, value in {
+        "AWS_ACCESS_KEY_ID": KEY,
+        "AWS_SECRET_ACCESS_KEY": SECRET,
+        "AWS_DEFAULT_REGION": "us-east-1",
+        "AWS_ENDPOINT_URL": _server.url,
+        "APPOCC_CACHE": str(tmp_path / "cache"),
+    }.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(object_store, "_WAITS_S", (0.01, 0.01, 0.01))
+    yield _server
+    _server.reset()
+
+
+@pytest.fixture
+def new_connections() -> Iterator[None]:
+    """For tests that change the environment of connections: these are made anew, before and after."""
+    from appocc.files import object_store
+
+    object_store.forget_stores()
+    yield
+    object_store.forget_stores()

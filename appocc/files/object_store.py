@@ -6,6 +6,7 @@ Credentials and addresses come from the places where the tools of each store loo
 
 from __future__ import annotations
 
+import logging
 import os
 import random
 import re
@@ -32,6 +33,8 @@ SCHEMES = tuple(_MODULES)
 # Waits before the attempts after the first one, in seconds, each shortened by chance: several processes that a store
 # has turned away do not come back at the same moment.
 _WAITS_S = (0.5, 1.0, 2.0, 4.0, 8.0)
+# Clients that repeat requests by themselves, and how often; the attempts of the others are switched off.
+_OWN_ATTEMPTS = {"gs": 6}
 _DENIED, _MISSING, _OVERLOADED = (401, 403), (404, 410), (429, 503)
 # Errors of a client before it sends anything: a further attempt ends the same way.
 _HOPELESS = (
@@ -270,6 +273,8 @@ def _store(scheme: str, process: int) -> Any:
     options: dict[str, Any] = {}
     if scheme == "s3":
         options["config_kwargs"] = {"retries": {"max_attempts": 0}, **_TIMEOUTS_S}
+    if scheme == "gs":  # it would print errors that are reported here
+        logging.getLogger("gcsfs").setLevel(logging.CRITICAL)
     if scheme in _WEB:
         aiohttp = import_extra("aiohttp", "remote", f"{scheme}://")
         limits = {"sock_connect": _TIMEOUTS_S["connect_timeout"], "sock_read": _TIMEOUTS_S["read_timeout"]}
@@ -300,9 +305,11 @@ def _try(url: str, deed: str, request: Callable[[Any, str], T]) -> T:
         StoreError: as the last attempt, or if a further one would be in vain.
         OSError: of the local disk.
     """
-    for wait_s in (*_WAITS_S, None):
+    scheme = scheme_of(url)
+    waits = () if scheme in _OWN_ATTEMPTS else _WAITS_S
+    for wait_s in (*waits, None):
         try:
-            return request(_store(scheme_of(url), os.getpid()), _address(url))
+            return request(_store(scheme, os.getpid()), _address(url))
         except (AppoccError, _EmptyObjectError):
             raise
         except Exception as error:
@@ -314,7 +321,8 @@ def _try(url: str, deed: str, request: Callable[[Any, str], T]) -> T:
             if _is_of_the_disk(error):
                 raise
             if wait_s is None or _is_final(error, status):
-                raise StoreError(f"{url}: cannot {deed} ({_reason(error, status)})") from error
+                attempts = _OWN_ATTEMPTS.get(scheme, len(waits) + 1)
+                raise StoreError(f"{url}: cannot {deed} ({_reason(error, status, attempts)})") from error
         time.sleep(wait_s * random.uniform(0.5, 1.0))
     raise AssertionError("the last attempt returns or raises")
 
@@ -355,7 +363,7 @@ def _is_of_the_disk(error: BaseException) -> bool:
 
 
 def _is_final(error: BaseException, status: int | None) -> bool:
-    if _no_bucket(error) or isinstance(error, PermissionError):
+    if _no_bucket(error) or _is_denied(error, status):
         return True
     if status is not None:
         return 400 <= status < 500 and status not in (408, *_OVERLOADED)
@@ -363,16 +371,21 @@ def _is_final(error: BaseException, status: int | None) -> bool:
     return known or isinstance(error, ValueError | TypeError | ImportError)
 
 
-def _reason(error: BaseException, status: int | None) -> str:
+def _is_denied(error: BaseException, status: int | None) -> bool:
+    # gcsfs has no type of error for it
+    return status in _DENIED or isinstance(error, PermissionError) or str(error).startswith("Forbidden")
+
+
+def _reason(error: BaseException, status: int | None, attempts: int) -> str:
     if _no_bucket(error):
         return "no such bucket"
-    if status in _DENIED or isinstance(error, PermissionError):
+    if _is_denied(error, status):
         return "access denied: expected credentials with the right to it"
-    attempts = "" if _is_final(error, status) else f", after {len(_WAITS_S) + 1} attempts"
+    repeated = "" if _is_final(error, status) else f", after {attempts} attempts"
     if status in _OVERLOADED:
-        return f"the store is overloaded: {status}{attempts}"
+        return f"the store is overloaded: {status}{repeated}"
     if type(error).__name__ == "ClientPayloadError":
-        return f"the answer ends too early{attempts}"
+        return f"the answer ends too early{repeated}"
     first = (str(error).strip() or type(error).__name__).splitlines()[0]
     # What follows a question mark in an address may be a signature.
-    return re.sub(r"\?\S+", "", first) + attempts
+    return re.sub(r"\?\S+", "", first) + repeated

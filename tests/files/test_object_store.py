@@ -17,8 +17,6 @@ from appocc.errors import DataError
 from appocc.files import object_store
 from appocc.files.object_store import StoreError
 
-pytest_plugins = ["remote_fixtures"]
-
 
 def failing(times: int, status: str, body: bytes = b"", method: str = "", headers: tuple[Any, ...] = ()) -> Fault:
     """Answer the first requests of a method with an error."""

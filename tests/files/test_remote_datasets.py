@@ -19,8 +19,6 @@ from appocc.inference.run import InferenceRun, InferenceSummary
 from appocc.visualization.predictions import prediction_figure
 from appocc.visualization.vehicle_marks import VehicleMarks
 
-pytest_plugins = ["remote_fixtures"]
-
 NO_VEHICLES = VehicleMarks(np.empty((0, 2)), np.empty(0), np.empty((0, 2)), np.empty(0, np.bool_), np.empty((0, 3)))
 
 

@@ -14,9 +14,7 @@ from appocc import files
 from appocc.errors import DataError
 from appocc.files import RemotePath, path_of
 
-pytest_plugins = ["remote_fixtures"]
-
-NAMES = st.text(st.characters(blacklist_characters="/\0", blacklist_categories=("Cs",)), min_size=1, max_size=9)
+NAMES = st.text(st.characters(exclude_characters="/\0", exclude_categories=["Cs"]), min_size=1, max_size=9)
 
 
 @pytest.mark.parametrize("url", ["s3://b/a/c.tar.gz", "gs://b/a/c.tar.gz", "https://h.org:8080/a/c.tar.gz"])

@@ -14,8 +14,6 @@ from walkthrough import README, blocks
 
 from appocc.inference import loading
 
-pytest_plugins = ["remote_fixtures"]
-
 PAGE = README.parent / "docs" / "remote.md"
 
 

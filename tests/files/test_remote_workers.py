@@ -21,8 +21,6 @@ from cli.server.library import Library
 from cli.server.pictures import camera_jpeg
 from cli.server.recording import Place
 
-pytest_plugins = ["remote_fixtures"]
-
 
 def test_worker_processes_make_their_own_connections(s3: S3Server) -> None:
     s3.client().create_bucket(Bucket="made")

@@ -6,6 +6,9 @@ import ast
 import re
 from pathlib import Path
 
+import pytest
+from in_process import run_command
+
 REPOSITORY = Path(__file__).parents[2]
 ROOMS, SEAM = ("appocc", "tracking", "grounding", "cli"), "appocc/files/"
 # Calls that open a file by its path, as a function or a method.
@@ -66,3 +69,27 @@ def test_no_module_opens_files_beside_the_seam() -> None:
         if any(opens_a_file(node) for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call)):
             found.add(name)
     assert found == set(LOCAL)
+
+
+def test_every_path_of_the_command_line_says_whether_it_may_be_a_url() -> None:
+    """By its parser: `in_path`, `out_path`, `local_path` or `local_out_path`."""
+    without = []
+    for path in (REPOSITORY / "cli").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if not isinstance(node, ast.Subscript) or ast.unparse(node.value) != "Annotated":
+                continue
+            kind, call = node.slice.elts[:2] if isinstance(node.slice, ast.Tuple) else (node.slice, None)
+            takes_path = re.search(r"\bPath\b", ast.unparse(kind)) and isinstance(call, ast.Call)
+            if takes_path and not any(keyword.arg == "parser" for keyword in call.keywords):
+                without.append(f"{path.name}: {ast.unparse(node)}")
+    assert without == []
+
+
+def test_a_url_for_a_local_path_is_refused_and_a_file_url_is_a_path(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done = run_command(["convert", "kitti", "s3://b/x", str(tmp_path / "out")], capsys, monkeypatch)
+    assert done.returncode == 2
+    assert "expected a path on this machine" in " ".join(done.stderr.replace("│", "").split())
+    done = run_command(["doctor", f"file://{tmp_path}/none"], capsys, monkeypatch)
+    assert (done.returncode, done.stderr) == (2, f"error: {tmp_path}/none: no such folder\n")

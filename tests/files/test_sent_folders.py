@@ -11,13 +11,11 @@ import pytest
 from s3_server import S3Server
 
 from appocc.errors import DataError
-from appocc.files import StoreError, path_of, write_bytes, write_image
+from appocc.files import RemotePath, StoreError, path_of, write_bytes, write_image
 from appocc.files.transfer import working_folder
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.assembly import Assembly, resolved
 from appocc.nuscenes.writer import Writer, token_of, whole_folder
-
-pytest_plugins = ["remote_fixtures"]
 
 SCENES = ("one", "two")
 
@@ -49,6 +47,7 @@ def assemble(out: Path, settings: int = 1) -> bool:
 def test_an_assembled_dataset_is_sent_whole_and_resumed(s3: S3Server, tmp_path: Path) -> None:
     s3.client().create_bucket(Bucket="made")
     out = path_of("s3://made/set")
+    assert isinstance(out, RemotePath)
     assert assemble(tmp_path / "set")
     local = {f"set/{p.relative_to(tmp_path / 'set')}": p for p in (tmp_path / "set").rglob("*") if p.is_file()}
 
