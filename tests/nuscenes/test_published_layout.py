@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -37,6 +38,16 @@ def test_the_tables_are_found_and_healthy(dataset: Dataset) -> None:
     assert (contents.masks, contents.scenes_with_mask, contents.vector_maps) == (1, 1, 1)
     assert contents.locations == (TOWN,)
     assert set(contents.channels) == {"CAM_FRONT", "CAM_BACK", "LIDAR_TOP"}
+
+
+def test_the_test_set_has_no_boxes(tmp_path: Path) -> None:
+    root = published(tmp_path / "nuscenes")
+    tables = (root / "v1.0-mini").rename(root / "v1.0-test")
+    for name in ("sample_annotation", "instance"):
+        (tables / f"{name}.json").write_text("[]")
+    hidden = Dataset(root)
+    assert list(validate(hidden)) == []
+    assert hidden.frame(hidden.samples(hidden.scenes[0])[0]).boxes_ego is None
 
 
 def test_roads_lines_and_landmarks_of_every_layer(found: VectorMap) -> None:
