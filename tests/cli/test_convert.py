@@ -95,7 +95,8 @@ def test_bad_input(
 
 
 @pytest.mark.parametrize(
-    "words", [("convert",), ("convert", "cityscapes", "a", "b"), ("convert", "kitti", "a"), ("convert", "pandaset", "a")]
+    "words",
+    [("convert",), ("convert", "cityscapes", "a", "b"), ("convert", "kitti", "a"), ("convert", "pandaset", "a")],
 )
 def test_wrong_usage(
     words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
