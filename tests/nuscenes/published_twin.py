@@ -20,7 +20,7 @@ def published(root: Path) -> Path:
     """Write the dataset below a new root."""
     tiny = TinyDataset(root)
     shutil.rmtree(root / tiny.version)
-    tiny.version = "v1.0-mini"  # type: ignore[misc]
+    tiny.version = "v1.0-mini"
     tiny.tables["log"][0]["location"] = TOWN
     tiny.tables["map"][0]["filename"] = MASK
     (root / "maps/drivable.png").rename(root / MASK)
