@@ -240,6 +240,27 @@ def test_rectified_pictures_have_the_projection_as_lens(tmp_path: Path) -> None:
     assert camera.intrinsic.ravel().tolist() == info.k.tolist()
 
 
+def test_an_uncalibrated_camera_is_left_out(tmp_path: Path) -> None:
+    made = drive(0.2, cameras={**PINHOLE, "top": PINHOLE["front"]})
+    for _, topic, each in made.found:
+        if topic == "/sensing/top/camera_info":
+            each.k = np.zeros(9)
+    summary, dataset = imported(made.write(tmp_path / "bag"), tmp_path / "out")
+    assert "left out, with K = 0: /sensing/top/image_raw/compressed" in summary.notes
+    assert [camera.channel for camera in dataset.frame(dataset.samples(dataset.scenes[0])[0]).rig] == ["CAM_FRONT"]
+
+
+def test_a_region_of_interest_moves_the_axis(tmp_path: Path) -> None:
+    part = np.ascontiguousarray(FLAT[:100, :200])
+    made = one_camera("/front/image_raw", image(START_NS, "front_optical", part, "rgb8"))
+    region = made.found[1][2].roi
+    region.x_offset, region.y_offset, region.width, region.height = 50, 70, 200, 100
+    _, dataset = imported(made.write(tmp_path / "bag"), tmp_path / "out")
+    camera = dataset.frame(dataset.samples(dataset.scenes[0])[0]).rig["CAM_FRONT"]
+    assert (camera.width_px, camera.height_px) == (200, 100)
+    assert camera.intrinsic[:2, 2].tolist() == [158.5 - 50, 121 - 70]
+
+
 def test_odometry_of_another_frame_of_the_vehicle(converted: Dataset, tmp_path: Path) -> None:
     made = drive(0.4)
     from_base = mounted(np.eye(3), [2.0, 0, 1.0])

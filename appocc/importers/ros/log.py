@@ -115,23 +115,20 @@ class RosLog:
     def _frame(self, index: int, messages: dict[str, Message]) -> Iterator[Frame]:
         """Yield a key frame with some messages, if there are any."""
         found = self._recording
-        key_us = int(found.key_times_ns[index]) // 1000
-        key_pose = found.motion.at(key_us)
-        assert key_pose is not None  # key frames have poses
         sweep, images = None, []
         for topic, message in sorted(messages.items()):
             time_us = message.time_ns // 1000
             pose = found.motion.at(time_us)
-            if pose is None:  # just beyond the last pose
-                time_us, pose = key_us, key_pose
+            if pose is None:  # beyond the last pose, or in a gap
+                continue
             where = f"{self.path}: {topic} at {message.time_ns}"
             if topic == found.lidar:
                 sweep = Sweep(time_us, pose, partial(points, where, message.data))
             else:
                 name = next(name for name, each in found.topics.items() if each == topic)
                 images.append(Image(name, time_us, pose, partial(picture, where, message.data, found.kinds[topic])))
-        if messages:
-            yield Frame(key_us, tuple(images), sweep)
+        if images or sweep is not None:
+            yield Frame(int(found.key_times_ns[index]) // 1000, tuple(images), sweep)
 
 
 def find_logs(src: Path, hz: float, choice: Choice) -> list[RosLog]:

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from appocc.checks import FloatArray
-from appocc.errors import DataError
 from appocc.geometry import inverse, rotation_from_quaternion
 from appocc.trajectory import Trajectory
 
@@ -138,22 +137,9 @@ class TransformTree:
         return target_from_common @ common_from_source, moving
 
     def motion(self, fixed: str, base: str) -> TreeMotion:
-        """Return the motion of a frame in one of its ancestors.
-
-        Raises:
-            DataError: if it is none.
-        """
+        """Return the motion of a frame in one of its ancestors."""
         frames = self.ancestors(base)
-        if fixed not in frames:
-            raise DataError(
-                f"expected an ancestor of {base} in tf ({', '.join(frames[1:]) or 'it has none'}), got {fixed}"
-            )
         return TreeMotion([self._edges[frame] for frame in reversed(frames[: frames.index(fixed)])])
-
-    def moves_in(self, fixed: str, base: str) -> bool:
-        """Return whether tf tells how a frame moves in one of its ancestors."""
-        frames = self.ancestors(base)
-        return any(not self._edges[frame].is_static for frame in frames[: frames.index(fixed)])
 
     def _product(self, frames: Sequence[str]) -> FloatArray:
         pose = np.eye(4)
