@@ -107,7 +107,7 @@ def count(talk: Conversation, text: str, words: str) -> Answer:
     talk.state = replace(talk.state, topic=sought)
     told = [describe_object(item, talk.scene) for item in here[:MAX_CANDIDATES]]
     more = [f"and {len(here) - len(told)} farther away"] if len(here) > len(told) else []
-    return aside(talk, text, str(len(here)), *told, *more)
+    return aside(talk, text, f"{words.removeprefix('the ')}: {len(here)}", *told, *more)
 
 
 def tell_seen(talk: Conversation, text: str) -> Answer:
