@@ -66,8 +66,8 @@ export class JobBoard {
     }
     const ended = this.last?.state === "running" && job?.state !== "running";
     this.last = job;
+    if (ended && job.state === "done") await this.finished(job).catch(() => {});
     if (job && (ended || job.state === "running")) this.#show(job);
-    if (ended && job.state === "done") this.finished(job);
     clearTimeout(this.timer);
     if (job?.state === "running") this.timer = setTimeout(() => this.look(), EVERY_MS);
   }
