@@ -203,7 +203,7 @@ class Page:
         """Start the prediction of the maps of a recording."""
         recording = self._library.recording(request.path_params["recording"])
         body = _checked(_PredictBody, request)
-        title = f"maps of {recording.title}"
+        title = f"maps of {recording.title}{f', weights {body.weights}' if body.weights else ''}"
         settings = {"version": recording.version, **self._weights(body.weights)}
         return JSONResponse(self.jobs.start("predict", title, recording.root, settings).as_json(), 201)
 

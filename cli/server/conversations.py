@@ -120,9 +120,14 @@ class Conversations:
 
 def _answered(talk: Talk, text: str, answer: Answer) -> dict[str, Any]:
     talk.turns = [*talk.turns, turn_as_json(text, talk.frame, answer)][-_MOST_TURNS:]
-    aside = answer.status == "ok" and answer.target is None  # an answer in words; the goal in force stays in view
-    talk.shown = (talk.session.goal if aside and talk.session else None) or answer
+    goal = talk.session.goal if talk.session and is_aside(talk.turns[-1]) else None
+    talk.shown = goal or answer  # the goal in force stays in view
     return talk_as_json(talk)
+
+
+def is_aside(turn: dict[str, Any]) -> bool:
+    """Return whether a turn leaves the goal as it is: an answer in words, or a sentence that is not understood."""
+    return turn["goal"] is None and turn["status"] in ("ok", "not_a_command")
 
 
 def talk_as_json(talk: Talk) -> dict[str, Any]:
@@ -136,8 +141,9 @@ def talk_as_json(talk: Talk) -> dict[str, Any]:
     if answer is None or session is None:
         return {**found, "candidates": [], "replies": []}
     asks_yes_or_no = bool(answer.plan.question) or (bool(session.question) and len(session.candidates) == 1)
-    # The candidates of an earlier goal are none for a sentence that finds nothing.
-    offered = () if answer.status == "not_found" and not session.question else session.candidates
+    # The candidates of an earlier goal are none for a sentence that finds nothing, or that is not about it.
+    other = answer.status == "not_found" or is_aside(talk.turns[-1])
+    offered = () if other and not session.question else session.candidates
     return {
         **found,
         "shown": shown_as_json(answer),

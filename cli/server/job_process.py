@@ -83,6 +83,7 @@ def simulate_drive(root: Path, settings: dict[str, Any], report: Report) -> None
         report("advance", steps)
 
     simulate(root, wanted, None, advance, lambda text: report("note", text))
+    report("note", "predicting maps from the cameras")
     _predict(root, settings, report)
 
 
@@ -90,13 +91,13 @@ def predict_maps(root: Path, settings: dict[str, Any], report: Report) -> None:
     """Predict the maps of all key frames of a dataset; existing ones of the same weights are kept."""
     from appocc.nuscenes import Dataset
 
+    report("note", "")
     dataset = Dataset(root, settings["version"])
     report("total", sum(len(dataset.samples(scene)) for scene in dataset.scenes))
     _predict(root, settings, report, settings["version"])
 
 
 def _predict(root: Path, settings: dict[str, Any], report: Report, version: str | None = None) -> None:
-    report("note", "predicting maps from the cameras")
     from appocc.inference.inputs import dataset_inputs
     from appocc.inference.loading import load_predictor
     from appocc.inference.run import InferenceRun

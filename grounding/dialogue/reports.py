@@ -107,12 +107,12 @@ def count(talk: Conversation, text: str, words: str) -> Answer:
     talk.state = replace(talk.state, topic=sought)
     told = [describe_object(item, talk.scene) for item in here[:MAX_CANDIDATES]]
     more = [f"and {len(here) - len(told)} farther away"] if len(here) > len(told) else []
-    return aside(talk, text, str(len(here)), *told, *more)
+    return aside(talk, text, f"{words.removeprefix('the ')}: {len(here)}", *told, *more)
 
 
 def tell_seen(talk: Conversation, text: str) -> Answer:
-    """Tell which vehicles are in sight, nearest first; while a question is open, its options are meant."""
-    if talk.state.question is not None:
+    """Tell which vehicles are in sight, nearest first; of a question with several options, these are meant."""
+    if talk.state.question is not None and len(talk.state.question.candidates) > 1:
         return ask_again(talk, text)
     named = [word for word in re.findall("[a-z]+", text.lower()) if word in _SEEN]
     return count(talk, text, named[0] if named else "vehicles")

@@ -66,8 +66,8 @@ export class JobBoard {
     }
     const ended = this.last?.state === "running" && job?.state !== "running";
     this.last = job;
+    if (ended && job.state === "done") await this.finished(job).catch(() => {});
     if (job && (ended || job.state === "running")) this.#show(job);
-    if (ended && job.state === "done") this.finished(job);
     clearTimeout(this.timer);
     if (job?.state === "running") this.timer = setTimeout(() => this.look(), EVERY_MS);
   }
@@ -80,7 +80,7 @@ export class JobBoard {
     if (job.state === "running") {
       const bar = make("progress", { max: 1, value: share });
       const left = share > 0.05 ? `, ${Math.ceil((job.seconds / share) * (1 - share))} s left` : "";
-      const words = `${VERB[job.kind] ?? "Working on"} ${job.title}: ${job.note}`;
+      const words = `${VERB[job.kind] ?? "Working on"} ${job.title}${job.note ? `: ${job.note}` : ""}`;
       line.replaceChildren(make("span", { title: words }, words), bar, make("span", { className: "share" }, `${Math.floor(100 * share)} %${left}`),
         close("Stop", () => post(`/api/jobs/${job.number}/stop`).then(() => this.look())));
     } else if (job.state === "done") {

@@ -4,7 +4,7 @@ import { get, post } from "./api.js";
 import { byId, chip, make, metres, place } from "./dom.js";
 import { change, state } from "./state.js";
 
-const FIRST = ["park behind the nearest car", "stop next to the vehicle", "where can you park?"];
+const FIRST = ["park behind the nearest car", "stop next to the vehicle", "which cars do you see?"];
 const FOLLOW_MS = 250;
 
 export class Talk {
