@@ -1,0 +1,155 @@
+"""Train the reader network and the rule by which it revises the grammar, from the project's own sentences.
+
+python -m benchmarks.train_reader [--out FILE] [--folds 3] [--steps 3500] [--workers 1]
+
+The speakers are divided into folds; the sentences of each fold are read by a network that saw none of its speakers:
+these are the figures that are printed, and the readings on which the rule is fitted. Then the network is trained on
+all sentences. One thread each; the same seed gives the same weights on the same machine, with any number of workers.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from itertools import repeat
+from pathlib import Path
+from zlib import crc32
+
+import numpy as np
+import torch
+from safetensors.numpy import save_file
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from appocc.checks import FloatArray
+from appocc.files import whole_file
+from benchmarks.reader.examples import Example, Sentence, example_of, preferences, read_sentences
+from benchmarks.reader.network import TorchReader, batch_of, export_weights
+from benchmarks.reader.rule import Case, fit_rule
+from benchmarks.reader.variants import Variants
+from grounding.language.evaluation import CORE_FIELDS, ScoredCommand, score_command
+from grounding.language.parser import parse
+from grounding.language.reader.network import ReaderNetwork
+from grounding.language.reader.reader import WEIGHTS_PATH
+from grounding.language.reader.revision import query_of, revise
+from grounding.language.revised_readings import evidence_of
+from grounding.language.syntax.tokenizer import normalise, tokenise
+
+SEED, BATCH, RATE = 0, 32, 3e-3
+SIZE, HIDDEN, DROPOUT, FEATURE_DROPOUT = 64, 64, 0.3, 0.15
+VARIANTS, VARIANT_WEIGHT = 5, 0.3
+# Longest command, in characters, that another one takes back.
+_SHORT = 70
+_FIELD_WEIGHTS = {"status": 2.0, "direction": 0.7, "goal_side": 0.5, "landmark": 0.5, "trigger": 0.5}
+
+
+def draw_variants(sentences: Sequence[Sentence]) -> list[Sentence]:
+    """Return variants of all sentences; the commands that are taken back in them are no stranger's."""
+    own = [one.label for one in sentences if one.label["status"] == "ok" and not one.is_stranger]
+    variants = Variants([one for one in own if len(one["command"]) < _SHORT], SEED)
+    drawn = ((one, variants.draw(one.label)) for one in sentences for _ in range(VARIANTS))
+    return [Sentence(label, one.speaker, VARIANT_WEIGHT * one.weight) for one, label in drawn if label is not None]
+
+
+def train(sentences: Sequence[Sentence], steps: int) -> ReaderNetwork:
+    """Return a network trained on sentences, with its weights as the file holds them."""
+    torch.manual_seed(SEED)
+    pairs = [(example, one.weight) for one in sentences if (example := example_of(one.label)) is not None]
+    examples, weights = [pair[0] for pair in pairs], np.array([pair[1] for pair in pairs])
+    network = TorchReader(size=SIZE, hidden=HIDDEN, dropout=DROPOUT, feature_dropout=FEATURE_DROPOUT)
+    optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=1e-4)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, total_steps=steps, pct_start=0.1)
+    drawn = np.random.default_rng(SEED).choice(len(examples), (steps, BATCH), p=weights / weights.sum())
+    for step, numbers in enumerate(drawn, start=1):
+        chosen = [examples[i] for i in numbers]
+        loss = loss_of(network(batch_of([(one.rows, one.facts) for one in chosen])), chosen)
+        optimiser.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+        optimiser.step()
+        schedule.step()
+        if step % 500 == 0:
+            print(f"  step {step} of {steps}, loss {loss.item():.2f}", flush=True)
+    return ReaderNetwork({name: value.astype(np.float32) for name, value in export_weights(network).items()})
+
+
+def loss_of(found: dict[str, Tensor], examples: Sequence[Example]) -> Tensor:
+    """Return the mean loss of a batch: minus the log probability of all right values together, of each field."""
+    total = torch.zeros(())
+    for field, scores in found.items():
+        if field == "qualifier":
+            wanted, counts = (torch.from_numpy(np.stack([one.qualifiers[i] for one in examples])) for i in (0, 1))
+            total = total + (F.binary_cross_entropy_with_logits(scores, wanted, reduction="none") * counts).sum()
+            continue
+        added, trained = preferences(examples, field, scores.shape[1])
+        total = total - _FIELD_WEIGHTS.get(field, 1.0) * (torch.logsumexp(scores + added, 1) * trained).sum()
+    return total / len(examples)
+
+
+def cases_of(network: ReaderNetwork, sentences: Sequence[Sentence]) -> list[Case]:
+    """Return the readings of sentences by the grammar and by a network."""
+    cases = []
+    for one in sentences:
+        text = one.label["command"]
+        reading = parse(text, revised=False)
+        prediction = network.predict(tokenise(normalise(text)))
+        cases.append(Case(one.label, reading.query, evidence_of(reading), prediction))
+    return cases
+
+
+def report(name: str, cases: Sequence[Case], rule: dict[str, FloatArray]) -> None:
+    """Print the shares of sentences that are read right: by the grammar, by the network, and by both."""
+    ways = {
+        "grammar": [one.query for one in cases],
+        "network": [query_of(one.label["command"], one.prediction) for one in cases],
+        "both": [revise(one.query, one.evidence, one.prediction, rule).query for one in cases],
+    }
+    for way, queries in ways.items():
+        pairs = zip(cases, queries, strict=True)
+        scores = [score_command(one.label, query.to_dict()) for one, query in pairs]
+        print(f"{name}, {len(cases)} sentences, {way}: {_figures(scores)}", flush=True)
+
+
+def _figures(scores: Sequence[ScoredCommand]) -> str:
+    core = 100 * np.mean([one.core_correct for one in scores])
+    fields = ", ".join(
+        f"{field} {100 * np.mean([one.correct[field] for one in scores]):.1f}" for field in CORE_FIELDS
+    )
+    return f"core {core:.1f} % ({fields})"
+
+
+def fold_of(speaker: str, folds: int) -> int:
+    """Return the fold of a speaker."""
+    return crc32(speaker.encode()) % folds
+
+
+def main() -> None:
+    """Train, report and write the weights."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=WEIGHTS_PATH)
+    parser.add_argument("--folds", type=int, default=3)
+    parser.add_argument("--steps", type=int, default=3500)
+    parser.add_argument("--workers", type=int, default=1)
+    asked = parser.parse_args()
+    sentences = read_sentences()
+    held = [one for one in sentences if one.is_stranger]
+    folds = [[one for one in held if fold_of(one.speaker, asked.folds) == fold] for fold in range(asked.folds)]
+    speakers = [{one.speaker for one in fold} for fold in folds]
+    learnt = [*sentences, *draw_variants(sentences)]
+    parts = [[one for one in learnt if one.speaker not in out] for out in (*speakers, set())]
+    with ProcessPoolExecutor(asked.workers, initializer=torch.set_num_threads, initargs=(1,)) as pool:
+        *networks, network = pool.map(train, parts, repeat(asked.steps))
+        cases = list(pool.map(cases_of, networks, folds))
+    for fold, own in enumerate(cases, start=1):
+        others = [case for other in cases if other is not own for case in other]
+        report(f"held-out speakers, fold {fold}", own, fit_rule(others))
+    rule = fit_rule([case for own in cases for case in own])
+    arrays = {name: value.astype(np.float16) for name, value in network.weights.items()}
+    with whole_file(asked.out) as path:
+        save_file(arrays | {f"rule.{name}": value for name, value in rule.items()}, path)
+    print(f"{asked.out}: {asked.out.stat().st_size} bytes")
+
+
+if __name__ == "__main__":
+    main()
