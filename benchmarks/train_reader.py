@@ -20,7 +20,6 @@ import numpy as np
 import torch
 from safetensors.numpy import save_file
 from torch import Tensor, nn
-from torch.nn import functional as F
 
 from appocc.checks import FloatArray
 from appocc.files import whole_file
@@ -80,7 +79,10 @@ def loss_of(found: dict[str, Tensor], examples: Sequence[Example]) -> Tensor:
     for field, scores in found.items():
         if field == "qualifier":
             wanted, counts = (torch.from_numpy(np.stack([one.qualifiers[i] for one in examples])) for i in (0, 1))
-            total = total + (F.binary_cross_entropy_with_logits(scores, wanted, reduction="none") * counts).sum()
+            total = (
+                total
+                + (nn.functional.binary_cross_entropy_with_logits(scores, wanted, reduction="none") * counts).sum()
+            )
             continue
         added, trained = preferences(examples, field, scores.shape[1])
         total = total - _FIELD_WEIGHTS.get(field, 1.0) * (torch.logsumexp(scores + added, 1) * trained).sum()
@@ -113,10 +115,8 @@ def report(name: str, cases: Sequence[Case], rule: dict[str, FloatArray]) -> Non
 
 def _figures(scores: Sequence[ScoredCommand]) -> str:
     core = 100 * np.mean([one.core_correct for one in scores])
-    fields = ", ".join(
-        f"{field} {100 * np.mean([one.correct[field] for one in scores]):.1f}" for field in CORE_FIELDS
-    )
-    return f"core {core:.1f} % ({fields})"
+    shares = {field: 100 * np.mean([one.correct[field] for one in scores]) for field in CORE_FIELDS}
+    return f"core {core:.1f} % ({', '.join(f'{field} {share:.1f}' for field, share in shares.items())})"
 
 
 def fold_of(speaker: str, folds: int) -> int:

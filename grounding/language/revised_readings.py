@@ -42,9 +42,8 @@ def revise_readings(readings: Sequence[Reading], tokens: Sequence[Token]) -> tup
         return (_accepted(first, revision),)
     # Another attachment is kept if it says the same about all that has changed.
     changes = _differences(first.query, revision.query)
-    alike = [
-        one for one in readings if all(getattr(one.query, name) == getattr(first.query, name) for name in changes)
-    ]
+    before = {name: getattr(first.query, name) for name in changes}
+    alike = [one for one in readings if all(getattr(one.query, name) == before[name] for name in changes)]
     return tuple(_changed(one, changes, revision) for one in alike)
 
 
