@@ -1,10 +1,11 @@
 """Train the reader network and the rule by which it revises the grammar, from the project's own sentences.
 
-python -m benchmarks.train_reader [--out FILE] [--folds 3] [--steps 3500] [--workers 1]
+python -m benchmarks.train_reader [--out FILE] [--work FOLDER] [--folds 3] [--steps 2500] [--workers 1]
 
 The speakers are divided into folds; the sentences of each fold are read by a network that saw none of its speakers:
 these are the figures that are printed, and the readings on which the rule is fitted. Then the network is trained on
 all sentences. One thread each; the same seed gives the same weights on the same machine, with any number of workers.
+The networks are kept in the work folder, and are not trained again if they are there.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from zlib import crc32
 
 import numpy as np
 import torch
-from safetensors.numpy import save_file
+from safetensors.numpy import load_file, save_file
 from torch import Tensor, nn
 
 from appocc.checks import FloatArray
@@ -37,7 +38,7 @@ from grounding.language.syntax.tokenizer import normalise, tokenise
 
 SEED, BATCH, RATE = 0, 32, 3e-3
 SIZE, HIDDEN, DROPOUT, FEATURE_DROPOUT = 64, 64, 0.3, 0.15
-VARIANTS, VARIANT_WEIGHT = 5, 0.3
+VARIANTS, VARIANT_WEIGHT = 4, 0.35
 # Longest command, in characters, that another one takes back.
 _SHORT = 70
 _FIELD_WEIGHTS = {"status": 2.0, "direction": 0.7, "goal_side": 0.5, "landmark": 0.5, "trigger": 0.5}
@@ -51,11 +52,17 @@ def draw_variants(sentences: Sequence[Sentence]) -> list[Sentence]:
     return [Sentence(label, one.speaker, VARIANT_WEIGHT * one.weight) for one, label in drawn if label is not None]
 
 
-def train(sentences: Sequence[Sentence], steps: int) -> ReaderNetwork:
-    """Return a network trained on sentences, with its weights as the file holds them."""
+def train_once(path: Path, examples: Sequence[Example], weights: Sequence[float], steps: int) -> None:
+    """Write a network trained on examples that are drawn by their weights, unless the file is there."""
+    if not path.exists():
+        trained = export_weights(train(examples, np.array(weights), steps))
+        with whole_file(path) as temporary:
+            save_file(trained, temporary)
+
+
+def train(examples: Sequence[Example], weights: FloatArray, steps: int) -> TorchReader:
+    """Return a network trained on examples that are drawn by their weights."""
     torch.manual_seed(SEED)
-    pairs = [(example, one.weight) for one in sentences if (example := example_of(one.label)) is not None]
-    examples, weights = [pair[0] for pair in pairs], np.array([pair[1] for pair in pairs])
     network = TorchReader(size=SIZE, hidden=HIDDEN, dropout=DROPOUT, feature_dropout=FEATURE_DROPOUT)
     optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=1e-4)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, total_steps=steps, pct_start=0.1)
@@ -64,13 +71,13 @@ def train(sentences: Sequence[Sentence], steps: int) -> ReaderNetwork:
         chosen = [examples[i] for i in numbers]
         loss = loss_of(network(batch_of([(one.rows, one.facts) for one in chosen])), chosen)
         optimiser.zero_grad()
-        loss.backward()
+        torch.autograd.backward(loss)
         nn.utils.clip_grad_norm_(network.parameters(), 1.0)
         optimiser.step()
         schedule.step()
         if step % 500 == 0:
             print(f"  step {step} of {steps}, loss {loss.item():.2f}", flush=True)
-    return ReaderNetwork({name: value.astype(np.float32) for name, value in export_weights(network).items()})
+    return network
 
 
 def loss_of(found: dict[str, Tensor], examples: Sequence[Example]) -> Tensor:
@@ -120,16 +127,17 @@ def _figures(scores: Sequence[ScoredCommand]) -> str:
 
 
 def fold_of(speaker: str, folds: int) -> int:
-    """Return the fold of a speaker."""
-    return crc32(speaker.encode()) % folds
+    """Return the fold of a stranger."""
+    return crc32(speaker.removeprefix("stranger ").encode()) % folds
 
 
 def main() -> None:
     """Train, report and write the weights."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=WEIGHTS_PATH)
+    parser.add_argument("--work", type=Path, default=Path("runs/reader"))
     parser.add_argument("--folds", type=int, default=3)
-    parser.add_argument("--steps", type=int, default=3500)
+    parser.add_argument("--steps", type=int, default=2500)
     parser.add_argument("--workers", type=int, default=1)
     asked = parser.parse_args()
     sentences = read_sentences()
@@ -137,17 +145,21 @@ def main() -> None:
     folds = [[one for one in held if fold_of(one.speaker, asked.folds) == fold] for fold in range(asked.folds)]
     speakers = [{one.speaker for one in fold} for fold in folds]
     learnt = [*sentences, *draw_variants(sentences)]
-    parts = [[one for one in learnt if one.speaker not in out] for out in (*speakers, set())]
+    paths = [asked.work / f"{name}.safetensors" for name in ("all", *range(1, asked.folds + 1))]
     with ProcessPoolExecutor(asked.workers, initializer=torch.set_num_threads, initargs=(1,)) as pool:
-        *networks, network = pool.map(train, parts, repeat(asked.steps))
-        cases = list(pool.map(cases_of, networks, folds))
+        examples = list(pool.map(example_of, [one.label for one in learnt], chunksize=100))
+        pairs = [(example, one) for example, one in zip(examples, learnt, strict=True) if example is not None]
+        parts = [[pair for pair in pairs if pair[1].speaker not in out] for out in (set(), *speakers)]
+        drawn = [[[pair[0] for pair in part], [pair[1].weight for pair in part]] for part in parts]
+        list(pool.map(train_once, paths, *zip(*drawn, strict=True), repeat(asked.steps)))
+    networks = [ReaderNetwork(load_file(path)) for path in paths[1:]]
+    cases = [cases_of(one, fold) for one, fold in zip(networks, folds, strict=True)]
     for fold, own in enumerate(cases, start=1):
         others = [case for other in cases if other is not own for case in other]
         report(f"held-out speakers, fold {fold}", own, fit_rule(others))
     rule = fit_rule([case for own in cases for case in own])
-    arrays = {name: value.astype(np.float16) for name, value in network.weights.items()}
     with whole_file(asked.out) as path:
-        save_file(arrays | {f"rule.{name}": value for name, value in rule.items()}, path)
+        save_file(load_file(paths[0]) | {f"rule.{name}": value for name, value in rule.items()}, path)
     print(f"{asked.out}: {asked.out.stat().st_size} bytes")
 
 

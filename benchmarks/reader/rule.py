@@ -66,13 +66,13 @@ def _fit_qualifiers(cases: Sequence[Case]) -> FloatArray:
 
 
 def _fit_field(field: str, cases: Sequence[Case]) -> FloatArray:
-    """Return the weights (5,) that make the right values likeliest (conditional logit)."""
+    """Return the weights (7,) that make the right values likeliest (conditional logit)."""
     values = [sorted({field_value(one.query, field), *one.prediction.choices[field]}) for one in cases]
     shape = (len(cases), max(map(len, values)))
     network, own, right = np.full(shape, _IMPOSSIBLE), np.zeros(shape), np.zeros(shape, dtype=bool)
     for i, (one, names) in enumerate(zip(cases, values, strict=True)):
         grammar = field_value(one.query, field)
-        scores = vote(grammar, Evidence(), one.prediction.choices[field], np.array([1.0, 0, 0, 0, 0]))
+        scores = vote(grammar, Evidence(), one.prediction.choices[field], np.array([1.0, *[0.0] * 6]))
         network[i, : len(names)] = [scores[name] for name in names]
         own[i, : len(names)] = [name == grammar for name in names]
         right[i, : len(names)] = [name in _right_values(one.label, field) for name in names]
@@ -85,7 +85,7 @@ def _fit_field(field: str, cases: Sequence[Case]) -> FloatArray:
         kept = torch.logsumexp(scores + (1 - rights) * _IMPOSSIBLE, 1) - torch.logsumexp(scores, 1)
         return -kept[torch.from_numpy(possible)].sum() + 0.5 * (weights[1:] ** 2).sum()
 
-    return _minimise(loss, np.array([1.0, 1.0, 0, 0, 0]))
+    return _minimise(loss, np.array([1.0, 1.0, *[0.0] * 5]))
 
 
 def _right_values(label: dict[str, Any], field: str) -> set[str]:
@@ -112,7 +112,7 @@ def _minimise(loss: Callable[[Tensor], Tensor], start: FloatArray) -> FloatArray
     def closure() -> float:
         optimiser.zero_grad()
         value = loss(weights)
-        value.backward()
+        torch.autograd.backward(value)
         return float(value)
 
     optimiser.step(closure)

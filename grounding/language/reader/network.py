@@ -42,8 +42,8 @@ class ReaderNetwork:
     """The network with its weights; `predict` takes about a millisecond."""
 
     def __init__(self, weights: Mapping[str, FloatArray]) -> None:
-        """Take the weights by name, float32: those of `benchmarks.reader.network.export_weights`."""
-        self.weights = weights
+        """Take the weights by name: those of `benchmarks.reader.network.export_weights`."""
+        self.weights = {name: array.astype(np.float32) for name, array in weights.items()}
 
     def predict(self, tokens: Sequence[Token]) -> Prediction:
         """Return the probabilities for a sentence.

@@ -25,7 +25,7 @@ from grounding.query import Query
 WEIGHTS_PATH = Path(__file__).parent / "data" / "reader.safetensors"
 _MOST_BYTES = 10_000_000
 _RULE = "rule."
-_RULE_SHAPES = {"status": (6,), "qualifier": (5,), **dict.fromkeys(FIELDS, (5,))}
+_RULE_SHAPES = {"status": (8,), "qualifier": (13,), **dict.fromkeys(FIELDS, (7,))}
 
 
 @dataclass(frozen=True)
