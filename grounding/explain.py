@@ -16,6 +16,9 @@ _WIDTH = 110
 def explain_answer(answer: Answer) -> str:
     """Return lines that list tokens, query, candidates with each predicate, and other goals."""
     lines = ["words:", *_wrap(" ".join(label_tokens(answer))), "query:", *_wrap(summarise_query(answer.query))]
+    if revised := answer.reading.revised:
+        changes = "; ".join(f"{field} {before} -> {after}" for field, before, after in revised)
+        lines += ["changed by the reader network:", *_wrap(changes)]
     if answer.candidates:
         lines.append("scores (1 fits, 0 does not; the last is the logarithm of all together):")
     for number, one in enumerate(answer.candidates, start=1):

@@ -143,9 +143,14 @@ class Grounder:
         """Begin a conversation about the scene, in which sentences refer to what was said before."""
         return Session(self)
 
-    def read(self, text: str, antecedent: Referent | None = None, verb: str = "") -> tuple[Reading, ...]:
-        """Return the readings of a sentence, best first; arguments as in `parse_all`."""
-        return parse_all(text, self.lexicon, antecedent, verb)
+    def read(
+        self, text: str, antecedent: Referent | None = None, verb: str = "", *, alone: bool = True
+    ) -> tuple[Reading, ...]:
+        """Return the readings of a sentence, best first; arguments as in `parse_all`.
+
+        `alone`: whether the sentence stands alone; a reply in a conversation is read by the grammar only.
+        """
+        return parse_all(text, self.lexicon, antecedent, verb, revised=alone)
 
     def best_answer(self, readings: Sequence[Reading]) -> Answer:
         """Answer the readings of a sentence in the scene and return the best answer.

@@ -77,9 +77,14 @@ class Conversation:
         known = [one for one in alike if one.item.id in ids]
         return known[0] if len(alike) > 1 and len(known) == 1 else None
 
+    @property
+    def is_opening(self) -> bool:
+        """Whether nothing was asked for yet: a sentence then stands alone."""
+        return self.state.request is None and self.state.question is None
+
     def read(self, words: str) -> Reading:
         """Return the best reading of some words."""
-        return self.grounder.read(words, self.antecedent)[0]
+        return self.grounder.read(words, self.antecedent, alone=False)[0]
 
     # Steps ----------------------------------------------------------------------------------------------------------
 

@@ -149,7 +149,7 @@ def not_understood(talk: Conversation, text: str, reading: Reading, words: str =
     if words:
         notice(talk, words)
     reasons = (reading.problem.message, *reading.notes) if reading.problem else reading.notes
-    problem = reading if reading.problem else talk.grounder.read(text, None)[0]
+    problem = reading if reading.problem else talk.grounder.read(text, alone=False)[0]
     question = talk.state.question
     answer = Answer(
         status="not_a_command",

@@ -256,7 +256,7 @@ def _command(
         edits: whether it corrects the step of the same action.
     """
     state, grounder = talk.state, talk.grounder
-    readings = grounder.read(words, talk.antecedent)
+    readings = grounder.read(words, talk.antecedent, alone=talk.is_opening and words == text)
     if readings[0].problem:
         return not_understood(talk, text, readings[0], words)
     base = state.request

@@ -6,8 +6,9 @@ Example:
 """
 
 from grounding.language.ambiguity import MAX_READINGS
-from grounding.language.parser import Reading, parse, parse_all
+from grounding.language.parser import parse, parse_all
 from grounding.language.problems import CommandError, ParseProblem, underline
+from grounding.language.reading import Reading
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon, read_lexicon
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token
 from grounding.language.syntax.word_categories import WordCategory

@@ -19,8 +19,8 @@ from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
 
 from appocc.errors import DataError
-from grounding.language.parser import Reading
 from grounding.language.problems import ParseProblem
+from grounding.language.reading import Reading
 from grounding.query import Placement
 from grounding.query_schema import Noun, Qualifier, choices, query_from_json
 from grounding.vocabulary import Action, Relation

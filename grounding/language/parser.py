@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import islice
 
 from grounding.language.ambiguity import MAX_READINGS, list_alternatives
 from grounding.language.problems import CommandError, ParseProblem, find_problem
+from grounding.language.reading import Reading
+from grounding.language.revised_readings import revise_readings
 from grounding.language.semantics.accounting import Account, account_for
 from grounding.language.semantics.contrasts.rules import has_partial_repair, resolve_contrasts
 from grounding.language.semantics.discourse.interpreter import interpret
@@ -30,45 +32,20 @@ _MAX_SPLITS = 8
 _MAX_CHARACTERS_READ = 2000
 
 
-@dataclass(frozen=True)
-class Reading:
-    """One interpretation of a sentence.
-
-    Attributes:
-        query: typed query; its action is None if the sentence is not a driving command.
-        score: log prior, 0 for the best reading.
-        tokens: tokens of the sentence.
-        notes: spelling corrections and ignored words, one sentence each.
-        problem: why the sentence is not a command, None if it is one.
-        steps: the commanded steps in order, each a query of its own; one of them is the query's.
-        dropped: content words that the reading does not use, in order.
-        doubt: question about dropped words without which the place may be the wrong one, to be asked before the
-            reading is acted upon; '' if there is none.
-        corrections: words as written and as read, where they differ.
-    """
-
-    query: Query
-    score: float = 0.0
-    tokens: tuple[Token, ...] = ()
-    notes: tuple[str, ...] = ()
-    problem: ParseProblem | None = None
-    steps: tuple[Query, ...] = ()
-    dropped: tuple[str, ...] = ()
-    doubt: str = ""
-    corrections: tuple[tuple[str, str], ...] = ()
-
-    def __post_init__(self) -> None:
-        """Take the query as the only step if none are given."""
-        object.__setattr__(self, "steps", self.steps or (self.query,))
-
-
-def parse(text: str, lexicon: Lexicon | None = None, antecedent: Referent | None = None) -> Reading:
-    """Return the best reading of a sentence; any text is accepted."""
-    return parse_all(text, lexicon, antecedent)[0]
+def parse(
+    text: str, lexicon: Lexicon | None = None, antecedent: Referent | None = None, *, revised: bool = True
+) -> Reading:
+    """Return the best reading of a sentence; any text is accepted. Arguments as in `parse_all`."""
+    return parse_all(text, lexicon, antecedent, revised=revised)[0]
 
 
 def parse_all(
-    text: str, lexicon: Lexicon | None = None, antecedent: Referent | None = None, verb: str = ""
+    text: str,
+    lexicon: Lexicon | None = None,
+    antecedent: Referent | None = None,
+    verb: str = "",
+    *,
+    revised: bool = True,
 ) -> tuple[Reading, ...]:
     """Return all readings of a sentence, best first: between 1 and `MAX_READINGS`; any text is accepted.
 
@@ -78,9 +55,12 @@ def parse_all(
         antecedent: what a pronoun or "one" refers to if the sentence does not name it, such as the referent of the
             command before.
         verb: verb class of the command before, which completes a sentence without a verb; '': none.
+        revised: whether the reader network revises the grammar's reading. It reads sentences that stand alone, and
+            so none with an antecedent or a verb.
 
     Raises:
         CommandError: if the text is no string.
+        DataError: if the weights of the reader network are missing or damaged.
     """
     check_type(text)
     if len(text) > MAX_CHARACTERS:
@@ -99,8 +79,11 @@ def parse_all(
             return _Analysis(text, tokenise_all(other, words, 1)[0], antecedent, verb).built.query.action is not None
 
         problem = find_problem(normalised, ways[0].tokens, words, is_command)
-        return (likely[0].reading(likely[0].built.query, 0.0, problem),)
-    return _best_readings(commands)
+        readings: tuple[Reading, ...] = (likely[0].reading(likely[0].built.query, 0.0, problem),)
+    else:
+        readings = _best_readings(commands)
+    alone = antecedent is None and not verb
+    return revise_readings(readings, ways[0].tokens) if revised and alone else readings
 
 
 def _is_clean(way: Tokenised) -> bool:

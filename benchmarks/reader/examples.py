@@ -1,0 +1,125 @@
+"""Labelled sentences as examples for the reader network."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from grounding.language.evaluation import read_labelled_commands
+from grounding.language.reader.features import WordFacts, token_features, word_facts
+from grounding.language.reader.fields import CHOICES, NONE, NOUNS, QUALIFIERS
+from grounding.language.reader.network import MAX_TOKENS
+from grounding.language.syntax.tokenizer import normalise, tokenise
+
+ROOT = Path(__file__).parents[2]
+STRANGERS = Path(__file__).parent / "sentences" / "strangers.jsonl"
+_SPEAKERS = ROOT / "benchmarks" / "grounding_truth" / "speakers"
+_TESTS = ROOT / "tests" / "grounding" / "language"
+# Where several values are right, how likely the first is preferred (nats).
+_ALTERNATIVE = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Sentence:
+    """A labelled sentence.
+
+    Attributes:
+        label: the record, as `read_labelled_commands` returns it.
+        speaker: who says it; all sentences of one speaker are learnt or held out together.
+        weight: how often it is drawn.
+    """
+
+    label: dict[str, Any]
+    speaker: str
+    weight: float
+
+    @property
+    def is_stranger(self) -> bool:
+        """Whether its speaker was written after the grammar, so that held-out figures are fair."""
+        return self.speaker.startswith("stranger ")
+
+
+def read_sentences() -> list[Sentence]:
+    """Return the project's own labelled sentences: those of the strangers, of earlier speakers, and of the tests."""
+    found = [Sentence(one, f"stranger {one['source']}", 2.0) for one in read_labelled_commands(STRANGERS)]
+    for name in ("seen", "unread", "later", "latest_seen"):
+        labels = read_labelled_commands(_SPEAKERS / f"sentences_{name}.jsonl")
+        found += [Sentence(one, f"earlier {one['source']}", 1.5) for one in labels]
+    found += [Sentence(one, "own", 0.8) for one in read_labelled_commands(_TESTS / "commands.jsonl")]
+    everyday = filter(None, (_TESTS / "everyday.txt").read_text(encoding="utf-8").splitlines())
+    return found + [Sentence(rejected(text), "everyday", 0.8) for text in everyday]
+
+
+def rejected(text: str) -> dict[str, Any]:
+    """Return the label of a sentence that is no command."""
+    empty: dict[str, Any] = {"command": text, "status": "reject", "relation": "none"}
+    empty |= dict.fromkeys(("action", "direction", "goal_side", "landmark", "trigger", "referent"))
+    empty |= dict.fromkeys(("distance_m", "distance_of"))
+    return empty | {key: [] for key in ("action_alt", "actions", "relation_alt", "secondary", "excluded")}
+
+
+@dataclass(frozen=True, eq=False)
+class Example:
+    """A sentence as the network sees it.
+
+    Attributes:
+        rows: rows of the feature table of each word.
+        facts: facts of each word.
+        right: field -> indices of the right values, the preferred one first; empty: not trained.
+        qualifiers: (Q,) whether the label has each, and (Q,) whether that counts.
+    """
+
+    rows: list[list[int]]
+    facts: list[WordFacts]
+    right: dict[str, list[int]]
+    qualifiers: tuple[np.ndarray, np.ndarray]
+
+
+def example_of(label: dict[str, Any]) -> Example | None:
+    """Return the example of a labelled sentence, None for one without words."""
+    rows, facts = _read_words(label["command"])
+    return Example(rows, facts, _right_values(label, facts), _qualifiers(label)) if rows else None
+
+
+def _read_words(text: str) -> tuple[list[list[int]], list[WordFacts]]:
+    tokens = tokenise(normalise(text))[:MAX_TOKENS]
+    return token_features(tokens), word_facts(tokens)
+
+
+def _right_values(label: dict[str, Any], facts: list[WordFacts]) -> dict[str, list[int]]:
+    if label["status"] == "reject":
+        return {"status": [CHOICES["status"].index("reject")]}
+    right = {}
+    for field, values in CHOICES.items():
+        named = [one or NONE for one in (label[field], *label.get(f"{field}_alt", ()))]
+        right[field] = [values.index(one) for one in named if one in values]
+    referent = label["referent"] or {"noun": NONE}
+    nouns = (referent["noun"], *referent.get("noun_alt", ()))
+    right["noun"] = [NOUNS.index(one) for one in nouns if one in NOUNS]
+    colour = referent.get("colour")
+    named = [1 + i for i, fact in enumerate(facts) if fact.colour == colour]
+    right["colour"] = named if colour else [0]
+    return right
+
+
+def _qualifiers(label: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    referent = label["referent"] or {}
+    said, optional = (set(referent.get(key, ())) for key in ("qualifiers", "qualifiers_optional"))
+    counts = [label["status"] == "ok" and one not in optional for one in QUALIFIERS]
+    return np.array([one in said for one in QUALIFIERS], np.float32), np.array(counts, np.float32)
+
+
+def preferences(examples: Iterable[Example], field: str, width: int) -> tuple[Tensor, Tensor]:
+    """Return (B, width) what is added to the log probabilities of a field, and (B,) whether it is trained."""
+    rights = [one.right.get(field, []) for one in examples]
+    added = torch.full((len(rights), width), -1e4)
+    for i, values in enumerate(rights):
+        for order, value in enumerate(values):
+            added[i, value] = -_ALTERNATIVE if order and field != "colour" else 0.0
+    return added, torch.tensor([bool(values) for values in rights])

@@ -1,0 +1,119 @@
+"""The reader network in torch, the twin of `grounding.language.reader.network`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from appocc.checks import FloatArray
+from grounding.language.reader.features import TABLE_ROWS, WordFacts
+from grounding.language.reader.fields import CHOICES, NOUNS, QUALIFIERS
+
+_IMPOSSIBLE = -1e4
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Sentences of equal or padded length.
+
+    Attributes:
+        rows: (B, T, K) rows of the feature table, 0 for none.
+        mask: (B, T) whether there is a word.
+        nouns: (B, T) class that the word names, as an index into `NOUNS`, 0 if the lexicon knows none.
+        colours: (B, T) whether the word names a colour.
+    """
+
+    rows: Tensor
+    mask: Tensor
+    nouns: Tensor
+    colours: Tensor
+
+
+def batch_of(sentences: Sequence[tuple[Sequence[Sequence[int]], Sequence[WordFacts]]]) -> Batch:
+    """Return the batch of (feature rows, facts) of sentences."""
+    length = max(len(rows) for rows, _ in sentences)
+    widest = max(len(row) for rows, _ in sentences for row in rows)
+    numbers = np.zeros((len(sentences), length, widest), dtype=np.int64)
+    nouns, colours = np.zeros(numbers.shape[:2], dtype=np.int64), np.zeros(numbers.shape[:2], dtype=bool)
+    for i, (rows, facts) in enumerate(sentences):
+        for j, (row, fact) in enumerate(zip(rows, facts, strict=True)):
+            numbers[i, j, : len(row)] = row
+            nouns[i, j] = NOUNS.index(fact.noun) if fact.noun else 0
+            colours[i, j] = bool(fact.colour)
+    mask = numbers[:, :, 0] > 0
+    return Batch(*(torch.from_numpy(one) for one in (numbers, mask, nouns, colours)))
+
+
+class TorchReader(nn.Module):
+    """The network; `forward` returns log probabilities of each field."""
+
+    def __init__(self, *, size: int, hidden: int, dropout: float, feature_dropout: float) -> None:
+        """Make the layers: `size` numbers a word, `hidden` states a direction."""
+        super().__init__()
+        both = 2 * hidden
+        self.table = nn.Embedding(TABLE_ROWS, size, padding_idx=0)
+        with torch.no_grad():
+            self.table.weight.mul_(0.3)
+        self.gru = nn.GRU(size, hidden, 2, bidirectional=True, batch_first=True, dropout=dropout)
+        self.attention = nn.Linear(both, len(CHOICES) + 1)
+        self.choices = nn.ModuleDict({field: nn.Linear(2 * both, len(values)) for field, values in CHOICES.items()})
+        self.nothing, self.point = nn.Linear(2 * both, 2), nn.Linear(both, 2)
+        self.classes, self.qualifier = nn.Linear(both, len(NOUNS) - 1), nn.Linear(both, len(QUALIFIERS))
+        self.qualifier_prior = nn.Parameter(torch.full((len(QUALIFIERS),), -2.0))
+        self._drop, self._feature_dropout = nn.Dropout(dropout), feature_dropout
+
+    def forward(self, batch: Batch) -> dict[str, Tensor]:
+        """Return field -> (B, values) log probabilities; "colour": (B, 1 + T), none and each word.
+
+        "qualifier" has (B, qualifiers) log odds.
+        """
+        rows = batch.rows
+        if self.training:
+            rows = rows * (torch.rand(rows.shape) > self._feature_dropout)
+        scale = (rows > 0).sum(-1, keepdim=True).clamp(min=1).sqrt()
+        inputs = self._drop(self.table(rows).sum(2) / scale)
+        lengths = batch.mask.sum(1)
+        packed = nn.utils.rnn.pack_padded_sequence(inputs, lengths, batch_first=True, enforce_sorted=False)
+        words, _ = nn.utils.rnn.pad_packed_sequence(self.gru(packed)[0], batch_first=True, total_length=rows.shape[1])
+        words = self._drop(words)
+        padding = (~batch.mask).float() * _IMPOSSIBLE
+        attention = torch.softmax(self.attention(words) + padding[..., None], dim=1)
+        pooled = torch.einsum("btf,btd->bfd", attention, words)
+        peak = (words + padding[..., None]).amax(1)
+        found = {
+            field: torch.log_softmax(self.choices[field](torch.cat([pooled[:, i], peak], -1)), -1)
+            for i, field in enumerate(CHOICES)
+        }
+        nothing = self.nothing(torch.cat([pooled[:, -1], peak], -1))
+        pointed = self.point(words) + padding[..., None]
+        found["noun"] = self._nouns(words, batch.nouns, torch.cat([nothing[:, :1], pointed[..., 0]], 1))
+        coloured = pointed[..., 1] + (~batch.colours).float() * _IMPOSSIBLE
+        found["colour"] = torch.log_softmax(torch.cat([nothing[:, 1:], coloured], 1), -1)
+        found["qualifier"] = torch.logsumexp(self.qualifier(words) + padding[..., None], 1) + self.qualifier_prior
+        return found
+
+    def _nouns(self, words: Tensor, known: Tensor, pointed: Tensor) -> Tensor:
+        shares = torch.log_softmax(pointed, -1)
+        certain = torch.log(nn.functional.one_hot(known, len(NOUNS))[..., 1:].float() + 1e-9)
+        classes = torch.where((known > 0)[..., None], certain, torch.log_softmax(self.classes(words), -1))
+        return torch.cat([shares[:, :1], torch.logsumexp(shares[:, 1:, None] + classes, 1)], 1)
+
+
+def export_weights(network: TorchReader) -> dict[str, FloatArray]:
+    """Return the weights by the names and in the layout of `grounding.language.reader.network`, float16."""
+    state = {name: value.detach().numpy() for name, value in network.state_dict().items()}
+    weights = {"table": state["table.weight"], "qualifier_prior": state["qualifier_prior"]}
+    for layer in (0, 1):
+        for direction, suffix in (("forward", ""), ("backward", "_reverse")):
+            for name, source in (("input", "ih"), ("state", "hh")):
+                weights[f"gru{layer}.{direction}.{name}"] = state[f"gru.weight_{source}_l{layer}{suffix}"].T
+                weights[f"gru{layer}.{direction}.{name}_bias"] = state[f"gru.bias_{source}_l{layer}{suffix}"]
+    names = {"attention": "attention", "nothing": "nothing", "point": "point"}
+    names |= {"class": "classes", "qualifier": "qualifier"} | {field: f"choices.{field}" for field in CHOICES}
+    for name, source in names.items():
+        weights[f"{name}.weight"], weights[f"{name}.bias"] = state[f"{source}.weight"].T, state[f"{source}.bias"]
+    return {name: np.ascontiguousarray(value, dtype=np.float16) for name, value in weights.items()}

@@ -1,0 +1,126 @@
+"""Weights of the votes of grammar and network, fitted on speakers that the network did not see."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from appocc.checks import FloatArray
+from grounding.language.reader.fields import FIELDS, NONE
+from grounding.language.reader.network import Prediction
+from grounding.language.reader.revision import (
+    Evidence,
+    field_value,
+    qualifier_numbers,
+    status_numbers,
+    vote,
+)
+from grounding.query import Query
+
+# Least probability of a qualifier that the grammar does not have to be counted in the fit.
+_LEAST_QUALIFIER = 0.02
+_IMPOSSIBLE = -1e4
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A labelled sentence, what the grammar makes of it, and what the network predicts."""
+
+    label: dict[str, Any]
+    query: Query
+    evidence: Evidence
+    prediction: Prediction
+
+    @property
+    def both_accept(self) -> bool:
+        """Whether it is a command, by the label and by the grammar."""
+        return self.label["status"] == "ok" and self.query.action is not None
+
+
+def fit_rule(cases: Sequence[Case]) -> dict[str, FloatArray]:
+    """Return the weights of `grounding.language.reader.revision.revise`."""
+    numbers = np.array([status_numbers(one.query, one.evidence, one.prediction) for one in cases])
+    accepted = np.array([one.label["status"] == "ok" for one in cases])
+    rule = {"status": _fit_logistic(numbers, accepted), "qualifier": _fit_qualifiers(cases)}
+    return rule | {field: _fit_field(field, [one for one in cases if one.both_accept]) for field in FIELDS}
+
+
+def _fit_qualifiers(cases: Sequence[Case]) -> FloatArray:
+    numbers, wanted = [], []
+    for one in filter(lambda case: case.both_accept, cases):
+        referent = one.label["referent"] or {}
+        right, optional = (referent.get(key, ()) for key in ("qualifiers", "qualifiers_optional"))
+        said = one.query.referent.qualifiers if one.query.referent else ()
+        for name, probability in one.prediction.qualifiers.items():
+            plain = name not in said and name not in right and probability < _LEAST_QUALIFIER
+            if name not in optional and not plain:
+                numbers.append(qualifier_numbers(name in said, one.evidence, probability))
+                wanted.append(name in right)
+    return _fit_logistic(np.array(numbers), np.array(wanted))
+
+
+def _fit_field(field: str, cases: Sequence[Case]) -> FloatArray:
+    """Return the weights (7,) that make the right values likeliest (conditional logit)."""
+    values = [sorted({field_value(one.query, field), *one.prediction.choices[field]}) for one in cases]
+    shape = (len(cases), max(map(len, values)))
+    network, own, right = np.full(shape, _IMPOSSIBLE), np.zeros(shape), np.zeros(shape, dtype=bool)
+    for i, (one, names) in enumerate(zip(cases, values, strict=True)):
+        grammar = field_value(one.query, field)
+        scores = vote(grammar, Evidence(), one.prediction.choices[field], np.array([1.0, *[0.0] * 6]))
+        network[i, : len(names)] = [scores[name] for name in names]
+        own[i, : len(names)] = [name == grammar for name in names]
+        right[i, : len(names)] = [name in _right_values(one.label, field) for name in names]
+    possible = right.any(axis=1)
+    evidence = np.array([one.evidence.numbers() for one in cases])
+    logs, owns, rights, numbers = map(_tensor, (network, own, right, evidence))
+
+    def loss(weights: Tensor) -> Tensor:
+        scores = weights[0] * logs + owns * (numbers @ weights[1:])[:, None]
+        kept = torch.logsumexp(scores + (1 - rights) * _IMPOSSIBLE, 1) - torch.logsumexp(scores, 1)
+        return -kept[torch.from_numpy(possible)].sum() + 0.5 * (weights[1:] ** 2).sum()
+
+    return _minimise(loss, np.array([1.0, 1.0, *[0.0] * 5]))
+
+
+def _right_values(label: dict[str, Any], field: str) -> set[str]:
+    if field in ("noun", "colour"):
+        referent = label["referent"] or {}
+        return {referent.get(field) or NONE, *(referent.get("noun_alt", ()) if field == "noun" else ())}
+    return {label[field] or NONE, *label.get(f"{field}_alt", ())}
+
+
+def _fit_logistic(numbers: FloatArray, wanted: FloatArray) -> FloatArray:
+    inputs, outputs = _tensor(numbers), _tensor(wanted)
+
+    def loss(weights: Tensor) -> Tensor:
+        odds = inputs @ weights
+        return (torch.logaddexp(torch.zeros(()), odds) - outputs * odds).sum() + 0.5 * (weights**2).sum()
+
+    return _minimise(loss, np.zeros(numbers.shape[1]))
+
+
+def _minimise(loss: Callable[[Tensor], Tensor], start: FloatArray) -> FloatArray:
+    weights = _tensor(start).requires_grad_()
+    optimiser = torch.optim.LBFGS([weights], max_iter=100, line_search_fn="strong_wolfe")
+
+    def closure() -> float:
+        optimiser.zero_grad()
+        value = loss(weights)
+        torch.autograd.backward(value)
+        return float(value)
+
+    optimiser.step(closure)
+    result = weights.detach().numpy()
+    if not all(map(math.isfinite, result)):
+        raise ValueError("fit: expected finite weights")
+    return result.astype(np.float32)
+
+
+def _tensor(values: Any) -> Tensor:
+    return torch.from_numpy(np.asarray(values, dtype=np.float64).copy())

@@ -1,0 +1,24 @@
+"""Fields: what the reader network predicts, and their values."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+from grounding.query_schema import Direction, Noun, Qualifier
+from grounding.vocabulary import Action, Relation, Trigger
+
+NONE = "none"
+NOUNS: tuple[str, ...] = (NONE, *get_args(Noun))
+QUALIFIERS: tuple[str, ...] = get_args(Qualifier)
+# Fields with one value of a closed list each; the colour points to a word.
+CHOICES: dict[str, tuple[str, ...]] = {
+    "status": ("ok", "reject"),
+    "action": get_args(Action),
+    "relation": get_args(Relation),
+    "direction": (NONE, *get_args(Direction)),
+    "goal_side": (NONE, "left", "right"),
+    "landmark": (NONE, "referent", "secondary"),
+    "trigger": (NONE, *get_args(Trigger)),
+}
+# Fields about which grammar and network vote.
+FIELDS = ("action", "relation", "direction", "noun", "colour")

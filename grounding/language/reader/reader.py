@@ -1,0 +1,104 @@
+"""The reader: network and voting rule from one weights file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from safetensors import SafetensorError
+from safetensors.numpy import load
+
+from appocc.checks import FloatArray
+from appocc.errors import DataError
+from appocc.files import read_file
+from appocc.typing import PathLike
+from grounding.language.reader.features import TABLE_ROWS
+from grounding.language.reader.fields import CHOICES, FIELDS, NOUNS, QUALIFIERS
+from grounding.language.reader.network import MAX_TOKENS, ReaderNetwork
+from grounding.language.reader.revision import Evidence, Revision, revise
+from grounding.language.syntax.tokenizer import Token
+from grounding.query import Query
+
+WEIGHTS_PATH = Path(__file__).parent / "data" / "reader.safetensors"
+_MOST_BYTES = 10_000_000
+_RULE = "rule."
+_RULE_SHAPES = {"status": (8,), "qualifier": (13,), **dict.fromkeys(FIELDS, (7,))}
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A network and the weights of its votes.
+
+    Attributes:
+        network: the network.
+        rule: weights as `revise` takes them.
+    """
+
+    network: ReaderNetwork
+    rule: Mapping[str, FloatArray]
+
+    def revise(self, query: Query, evidence: Evidence, tokens: Sequence[Token]) -> Revision:
+        """Return the grammar's query after the vote of the network; unchanged for a text that is too long for it.
+
+        Args:
+            query: the grammar's query; without an action if it finds no command.
+            evidence: how well the grammar understood the sentence.
+            tokens: tokens of the sentence, not yet tagged.
+        """
+        if not 0 < len(tokens) <= MAX_TOKENS:
+            return Revision(query, (), 0.0)
+        return revise(query, evidence, self.network.predict(tokens), self.rule)
+
+
+def load_reader(path: PathLike) -> Reader:
+    """Return the reader of a weights file.
+
+    Raises:
+        DataError: if the file is missing, damaged, or holds other weights.
+    """
+    try:
+        arrays = {name: array.astype(np.float32) for name, array in load(read_file(path, _MOST_BYTES)).items()}
+    except (SafetensorError, ValueError, TypeError) as error:
+        raise DataError(f"{path}: no weights of the reader ({error})") from error
+    _check_shapes(path, arrays)
+    rule = {name.removeprefix(_RULE): array for name, array in arrays.items() if name.startswith(_RULE)}
+    return Reader(ReaderNetwork(arrays), rule)
+
+
+def _check_shapes(path: PathLike, arrays: Mapping[str, FloatArray]) -> None:
+    size, hidden = (arrays[name].shape[-1] if name in arrays else 0 for name in ("table", "gru0.forward.state"))
+    for name, shape in _expected_shapes(size, hidden // 3).items():
+        got = arrays[name].shape if name in arrays else None
+        if got != shape:
+            raise DataError(f"{path}: {name}: expected shape {shape}, got {got}")
+        if not np.isfinite(arrays[name]).all():
+            raise DataError(f"{path}: {name}: expected finite numbers")
+
+
+def _expected_shapes(size: int, hidden: int) -> dict[str, tuple[int, ...]]:
+    """Return array name -> shape, for `size` numbers a feature and `hidden` states a direction."""
+    both = 2 * hidden
+    shapes: dict[str, tuple[int, ...]] = {"table": (TABLE_ROWS, size), "qualifier_prior": (len(QUALIFIERS),)}
+    for layer, inputs in enumerate((size, both)):
+        for name in (f"gru{layer}.forward", f"gru{layer}.backward"):
+            shapes |= {f"{name}.input": (inputs, 3 * hidden), f"{name}.state": (hidden, 3 * hidden)}
+            shapes |= {f"{name}.input_bias": (3 * hidden,), f"{name}.state_bias": (3 * hidden,)}
+    linear = {field: (2 * both, len(values)) for field, values in CHOICES.items()}
+    linear |= {"attention": (both, len(CHOICES) + 1), "nothing": (2 * both, 2), "point": (both, 2)}
+    linear |= {"class": (both, len(NOUNS) - 1), "qualifier": (both, len(QUALIFIERS))}
+    for name, (inputs, outputs) in linear.items():
+        shapes |= {f"{name}.weight": (inputs, outputs), f"{name}.bias": (outputs,)}
+    return shapes | {f"{_RULE}{name}": shape for name, shape in _RULE_SHAPES.items()}
+
+
+@cache
+def default_reader() -> Reader:
+    """Return the reader of the package, loaded once.
+
+    Raises:
+        DataError: if its weights file is missing or damaged.
+    """
+    return load_reader(WEIGHTS_PATH)

@@ -1,0 +1,233 @@
+"""Revision of the grammar's reading of a sentence by the reader network, field by field.
+
+Grammar and network vote: the score of a value is the network's log probability, times a weight, plus the grammar's
+vote if it is its own value. The vote of the grammar is less where it left words out, corrected words or doubts them.
+The weights are learnt by `python -m benchmarks.train_reader` on speakers that the network did not see.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from appocc.checks import FloatArray
+from grounding.language.reader.fields import FIELDS, NONE, QUALIFIERS
+from grounding.language.reader.network import Prediction
+from grounding.query import Exclusion, Query, Referent
+
+# Least probability of a value that counts.
+_LEAST = 1e-4
+# What the grammar's vote gains where it understood every word (nats; a field, a qualifier): the weights are
+# fitted on sentences of strangers, and it is better on plain ones.
+_TRUST, _TRUST_QUALIFIER = 3.0, 1.5
+# Actions that may stand for what a sentence forbids: "don't overtake it" is `other`.
+_FORBIDDING = ("other", "wait", "slow_down", "give_way")
+
+
+class Evidence(NamedTuple):
+    """How well the grammar understood a sentence.
+
+    Attributes:
+        dropped: content words that it left out.
+        corrected: words that it read as others.
+        doubtful: whether it asks about a word.
+        unknown: words that no lexicon holds.
+        words: all words.
+        contrary: whether it negates, excepts or corrects something.
+    """
+
+    dropped: int = 0
+    corrected: int = 0
+    doubtful: bool = False
+    unknown: int = 0
+    words: int = 0
+    contrary: bool = False
+
+    @property
+    def whole(self) -> bool:
+        """Whether the grammar understood every word."""
+        return not (self.dropped or self.corrected or self.doubtful or self.unknown)
+
+    def numbers(self) -> FloatArray:
+        """Return (6,) a one and the bounded numbers."""
+        counts = (self.dropped / 3, self.corrected / 2, float(self.doubtful), self.unknown / 3, self.words / 30)
+        return np.array([1.0, *(min(one, 1.0) for one in counts)])
+
+
+@dataclass(frozen=True)
+class Revision:
+    """A query after the vote.
+
+    Attributes:
+        query: the query; its action is None if the sentence is no command.
+        changed: (field, value of the grammar, value now) of the fields that were changed.
+        sure: probability 0..1 that the sentence is a command, or that it is none, as the vote says.
+    """
+
+    query: Query
+    changed: tuple[tuple[str, str, str], ...]
+    sure: float
+
+
+def status_numbers(query: Query, evidence: Evidence, prediction: Prediction) -> FloatArray:
+    """Return (8,) what the decision between command and none depends on."""
+    choices = prediction.choices["status"]
+    accepted = query.action is not None
+    numbers = evidence.numbers()
+    return np.array([1.0, log_odds(choices["ok"]), accepted, *(numbers[1:] * accepted)])
+
+
+def vote(own: str, evidence: Evidence, probabilities: Mapping[str, float], weights: FloatArray) -> dict[str, float]:
+    """Return value -> score of one field; weights (7,): of the network's log probability, of the evidence."""
+    bonus = float(evidence.numbers() @ weights[1:])
+    values = {**dict.fromkeys([own], 0.0), **probabilities}
+    return {
+        value: float(weights[0]) * math.log(share + _LEAST) + (bonus if value == own else 0.0)
+        for value, share in values.items()
+    }
+
+
+def qualifier_numbers(said: bool, evidence: Evidence, probability: float) -> FloatArray:
+    """Return (13,) what the decision about one qualifier depends on; `said`: whether the grammar has it."""
+    numbers = evidence.numbers()
+    return np.array([log_odds(probability), *(numbers * said), *(numbers * (not said))])
+
+
+def log_odds(probability: float) -> float:
+    """Return the bounded log odds of a probability."""
+    return math.log((probability + _LEAST) / (1 - probability + _LEAST))
+
+
+def field_value(query: Query, field: str) -> str:
+    """Return the value of a field of `FIELDS`, NONE without one."""
+    holder: Any = query.referent if field in ("noun", "colour") else query
+    return str(getattr(holder, field, None) or NONE)
+
+
+def revise(query: Query, evidence: Evidence, prediction: Prediction, rule: Mapping[str, FloatArray]) -> Revision:
+    """Return the query after the vote of grammar and network.
+
+    Args:
+        query: the grammar's query; without an action if it finds no command.
+        evidence: how well the grammar understood the sentence.
+        prediction: the network's probabilities.
+        rule: weights of the votes: "status" (8,), "qualifier" (13,), and each field of `FIELDS` (7,).
+    """
+    odds = float(status_numbers(query, evidence, prediction) @ rule["status"])
+    sure = 1 / (1 + math.exp(-abs(odds)))
+    if odds <= 0:
+        changed = (("status", "ok", "reject"),) if query.action else ()
+        return Revision(Query(query.command), changed, sure)
+    if query.action is None:
+        return Revision(_command_of(query.command, prediction), (("status", "reject", "ok"),), sure)
+    values = {}
+    for field in FIELDS:
+        own = field_value(query, field)
+        scores = vote(own, evidence, prediction.choices[field], rule[field])
+        scores[own] += _TRUST * evidence.whole
+        values[field] = own if _is_kept(field, own, evidence) else max(scores, key=scores.__getitem__)
+    said = query.referent.qualifiers if query.referent else ()
+    trust = _TRUST_QUALIFIER * evidence.whole
+    qualifiers = tuple(
+        one
+        for one, probability in prediction.qualifiers.items()
+        if qualifier_numbers(one in said, evidence, probability) @ rule["qualifier"]
+        > (-trust if one in said else trust)
+    )
+    revised = _with_values(query, values, qualifiers, prediction)
+    return Revision(revised, _changes(query, revised), sure)
+
+
+def _is_kept(field: str, own: str, evidence: Evidence) -> bool:
+    """Return whether another value might turn a sentence into its opposite."""
+    if field == "action":
+        return own == "avoid" or (evidence.contrary and own in _FORBIDDING)
+    return field == "direction" and evidence.contrary
+
+
+def query_of(command: str, prediction: Prediction) -> Query:
+    """Return the network's own query, without an action if it takes the sentence for no command."""
+    if _best(prediction, "status") == "reject":
+        return Query(command)
+    return _command_of(command, prediction)
+
+
+def _command_of(command: str, prediction: Prediction) -> Query:
+    """Return the network's reading of a command."""
+    values = {field: _best(prediction, field) for field in FIELDS}
+    qualifiers = tuple(one for one, probability in prediction.qualifiers.items() if probability > 0.5)
+    action: Any = values["action"]
+    return _with_values(Query(command, action, (action,)), values, qualifiers, prediction)
+
+
+def _with_values(
+    query: Query, values: Mapping[str, str], qualifiers: tuple[str, ...], prediction: Prediction
+) -> Query:
+    """Return a query with the given values; what hangs on a changed value changes with it."""
+    referent = _referent(query.referent, values, qualifiers, prediction.head)
+    if referent is not None and _is_excluded(referent, query.excluded) and referent != query.referent:
+        referent = query.referent  # the opposite of what was said
+    action: Any = values["action"]
+    relation: Any = values["relation"]
+    direction: Any = None if values["direction"] == NONE else values["direction"]
+    actions = tuple(action if one == query.action else one for one in query.actions)
+    landmark = query.landmark
+    if relation == NONE:
+        landmark = None
+    elif landmark is None or (landmark == "referent" and referent is None):
+        landmark = "referent" if referent is not None else "secondary" if query.secondary else None
+    return replace(
+        query,
+        action=action,
+        actions=actions,
+        relation=relation,
+        direction=direction,
+        landmark=landmark,
+        referent=referent,
+        unresolved="" if referent is not None else query.unresolved,
+        sought=None if referent is not None else query.sought,
+    )
+
+
+def _referent(
+    said: Referent | None, values: Mapping[str, str], qualifiers: tuple[str, ...], head: str
+) -> Referent | None:
+    if values["noun"] == NONE:
+        return None
+    colour = None if values["colour"] == NONE else values["colour"]
+    if said is None:
+        return Referent(values["noun"], head or values["noun"], colour, qualifiers)
+    kept = tuple(one for one in said.qualifiers if one in qualifiers or one not in QUALIFIERS)
+    ordered = (*kept, *(one for one in qualifiers if one not in kept))
+    optional = tuple(one for one in said.qualifiers_optional if one not in ordered)
+    named = said.head if said.noun == values["noun"] else head or values["noun"]
+    return replace(
+        said, noun=values["noun"], head=named, colour=colour, qualifiers=ordered, qualifiers_optional=optional
+    )
+
+
+def _is_excluded(referent: Referent, excluded: tuple[Exclusion, ...]) -> bool:
+    """Return whether a command rules out just such a vehicle."""
+    return any(
+        one.relation is None
+        and one.noun in (referent.noun, "vehicle")
+        and one.colour in (None, referent.colour)
+        and {*one.qualifiers} <= {*referent.qualifiers}
+        for one in excluded
+    )
+
+
+def _changes(before: Query, after: Query) -> tuple[tuple[str, str, str], ...]:
+    pairs = [(field, field_value(before, field), field_value(after, field)) for field in FIELDS]
+    said, now = (" ".join(sorted(one.referent.qualifiers)) if one.referent else "" for one in (before, after))
+    pairs.append(("qualifiers", said or NONE, now or NONE))
+    return tuple(pair for pair in pairs if pair[1] != pair[2])
+
+
+def _best(prediction: Prediction, field: str) -> str:
+    probabilities = prediction.choices[field]
+    return max(probabilities, key=probabilities.__getitem__)

@@ -1,0 +1,114 @@
+"""Readings of the grammar after the reader network has voted on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+from grounding.language.problems import ParseProblem
+from grounding.language.reader.reader import default_reader
+from grounding.language.reader.revision import Evidence, Revision
+from grounding.language.reading import Reading
+from grounding.language.syntax.tokenizer import Token
+from grounding.language.syntax.word_categories import WordCategory
+from grounding.query import Query
+
+# Least probability of being a command at which a sentence that the grammar takes for none is acted upon unasked.
+_SURE = 0.9
+_POLARITY = (WordCategory.NOT, WordCategory.EXCEPT, WordCategory.CORRECT)
+_MARKS = (WordCategory.COMMA, WordCategory.BREAK)
+
+
+def evidence_of(reading: Reading) -> Evidence:
+    """Return how well the grammar understood a sentence."""
+    doubtful = bool(reading.doubt or reading.query.unresolved)
+    words = [token for token in reading.tokens if token.category not in _MARKS]
+    unknown = sum(token.category is WordCategory.UNKNOWN for token in words)
+    contrary = any(token.category in _POLARITY for token in words) or any(map(_stops_doing, words, words[1:]))
+    return Evidence(len(reading.dropped), len(reading.corrections), doubtful, unknown, len(words), contrary)
+
+
+def _stops_doing(token: Token, following: Token) -> bool:
+    """Return whether two words forbid something: "stop overtaking"."""
+    verbs = token.category is following.category is WordCategory.VERB
+    return verbs and token.value in ("stop", "none") and following.form == "ing"
+
+
+def revise_readings(readings: Sequence[Reading], tokens: Sequence[Token]) -> tuple[Reading, ...]:
+    """Return the readings, best first, with what the network changes.
+
+    Args:
+        readings: the grammar's readings, best first; one without an action if the sentence is no command.
+        tokens: tokens of the sentence as it is most likely written, not yet tagged.
+
+    Raises:
+        DataError: if the weights of the network are missing or damaged.
+    """
+    first = readings[0]
+    revision = default_reader().revise(first.query, evidence_of(first), tokens)
+    if not revision.changed:
+        return tuple(readings)
+    if revision.query.action is None:
+        return (_rejected(first, revision),)
+    if first.problem:
+        return (_accepted(first, revision),)
+    # Another attachment is kept if it says the same about all that has changed.
+    changes = _differences(first.query, revision.query)
+    before = {name: getattr(first.query, name) for name in changes}
+    alike = [one for one in readings if all(getattr(one.query, name) == before[name] for name in changes)]
+    return tuple(_changed(one, changes, revision) for one in alike)
+
+
+def _rejected(reading: Reading, revision: Revision) -> Reading:
+    problem = ParseProblem("as a whole it is no driving command")
+    return Reading(
+        revision.query,
+        tokens=reading.tokens,
+        notes=reading.notes,
+        problem=problem,
+        corrections=reading.corrections,
+        revised=revision.changed,
+    )
+
+
+def _accepted(reading: Reading, revision: Revision) -> Reading:
+    """Return the network's reading of a sentence that the grammar takes for no command."""
+    query = revision.query
+    # What is negated may be read as its opposite.
+    sure = revision.sure >= _SURE and not evidence_of(reading).contrary
+    return Reading(
+        query,
+        tokens=reading.tokens,
+        notes=(*reading.notes, f"read as '{_phrase(query)}'"),
+        doubt="" if sure else f"do you mean '{_phrase(query)}'?",
+        corrections=reading.corrections,
+        revised=revision.changed,
+    )
+
+
+def _changed(reading: Reading, changes: dict[str, Any], revision: Revision) -> Reading:
+    query = replace(reading.query, **changes)
+    steps = tuple(
+        query if step == reading.query else replace(step, **changes) if _is_main(step, reading.query) else step
+        for step in reading.steps
+    )
+    return replace(reading, query=query, steps=steps, revised=revision.changed)
+
+
+def _is_main(step: Query, query: Query) -> bool:
+    """Return whether a step is the one that the query tells."""
+    return (step.action, step.relation, step.referent) == (query.action, query.relation, query.referent)
+
+
+def _differences(before: Query, after: Query) -> dict[str, Any]:
+    names = (one.name for one in fields(Query))
+    return {name: getattr(after, name) for name in names if getattr(after, name) != getattr(before, name)}
+
+
+def _phrase(query: Query) -> str:
+    """Return a query in short words: "park behind the red van"."""
+    action = (query.action or "").replace("_", " ")
+    relation = "" if query.relation == "none" else query.relation.replace("_", " ")
+    vehicle = f"the {query.referent.phrase()}" if query.referent else ""
+    return " ".join(word for word in (action, query.direction or "", relation, vehicle) if word)

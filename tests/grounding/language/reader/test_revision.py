@@ -1,0 +1,99 @@
+"""Votes of grammar and network with made-up probabilities."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from grounding.language.reader.fields import CHOICES, FIELDS, NOUNS, QUALIFIERS
+from grounding.language.reader.network import Prediction
+from grounding.language.reader.revision import Evidence, query_of, revise
+from grounding.query import Exclusion, Query, Referent
+
+RED_CAR = Referent("car", "car", "red")
+QUERY = Query("park behind the red car", "park", ("park",), "behind", landmark="referent", referent=RED_CAR)
+# The network counts once, the grammar's vote is 3 and falls by 4 where it left three words out.
+VOTE = np.array([1.0, 3.0, -4.0, 0, 0, 0, 0])
+RULE = {
+    "status": np.array([0.0, 1.0, 0, 0, 0, 0, 0, 0]),
+    "qualifier": np.array([1.0, 1.0, 0, 0, 0, 0, 0, -1.0, 0, 0, 0, 0, 0]),
+    **dict.fromkeys(FIELDS, VOTE),
+}
+READ, GUESSED = Evidence(), Evidence(dropped=3)
+
+
+def predict(sure: float = 0.9, qualifiers: tuple[str, ...] = (), **values: str) -> Prediction:
+    """Return a prediction of the query's own values, with others in the place of some."""
+    own = {"status": "ok", "action": "park", "relation": "behind", "noun": "car", "colour": "red"} | values
+    lists = {**CHOICES, "noun": NOUNS, "colour": ("none", "red", "blue")}
+    choices = {
+        field: dict.fromkeys(names, (1 - sure) / (len(names) - 1)) | {own.get(field, "none"): sure}
+        for field, names in lists.items()
+    }
+    likely = {one: sure if one in qualifiers else 0.01 for one in QUALIFIERS}
+    return Prediction(choices, likely, "motor")
+
+
+def test_nothing_changes_where_both_agree() -> None:
+    revision = revise(QUERY, GUESSED, predict(), RULE)
+    assert (revision.query, revision.changed) == (QUERY, ())
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "before"),
+    [
+        ("action", "follow", "park"),
+        ("relation", "next_to", "behind"),
+        ("direction", "left", "none"),
+        ("noun", "van", "car"),
+        ("colour", "blue", "red"),
+    ],
+)
+def test_the_network_changes_one_field_where_the_grammar_left_words_out(field: str, value: str, before: str) -> None:
+    prediction = predict(**{field: value})
+    assert revise(QUERY, READ, prediction, RULE).changed == ()
+    revision = revise(QUERY, GUESSED, prediction, RULE)
+    assert revision.changed == ((field, before, value),)
+    changed = revision.query.referent if field in ("noun", "colour") else revision.query
+    assert getattr(changed, field) == value
+
+
+def test_an_unsure_network_changes_nothing() -> None:
+    assert revise(QUERY, GUESSED, predict(sure=0.2, relation="next_to"), RULE).changed == ()
+
+
+def test_actions_head_and_landmark_follow() -> None:
+    query = revise(QUERY, GUESSED, predict(action="follow", relation="none", noun="van"), RULE).query
+    assert (query.actions, query.landmark) == (("follow",), None)
+    assert query.referent is not None
+    assert query.referent.head == "motor"
+    bare = Query("park", "park", ("park",), unresolved="one")
+    query = revise(bare, GUESSED, predict(), RULE).query
+    assert (query.referent, query.landmark, query.unresolved) == (Referent("car", "motor", "red"), "referent", "")
+    assert revise(QUERY, GUESSED, predict(noun="none", colour="none"), RULE).query.referent is None
+
+
+def test_qualifiers() -> None:
+    revision = revise(QUERY, READ, predict(qualifiers=("nearest", "parked")), RULE)
+    assert revision.changed == (("qualifiers", "none", "nearest parked"),)
+    assert revise(revision.query, READ, predict(qualifiers=("nearest", "parked")), RULE).changed == ()
+
+
+def test_an_excluded_vehicle_is_never_chosen() -> None:
+    query = Query("the red car, not the blue one", "park", ("park",), referent=RED_CAR)
+    blue = predict(relation="none", colour="blue")
+    assert revise(query, GUESSED, blue, RULE).changed == (("colour", "red", "blue"),)
+    excluding = Query(query.command, "park", ("park",), referent=RED_CAR, excluded=(Exclusion(None, "car", "blue"),))
+    assert revise(excluding, GUESSED, blue, RULE).changed == ()
+
+
+def test_commands_and_others() -> None:
+    nothing = revise(QUERY, READ, predict(status="reject"), RULE)
+    assert nothing.query == Query(QUERY.command)
+    assert nothing.changed == (("status", "ok", "reject"),)
+    found = revise(Query(QUERY.command), READ, predict(qualifiers=("last",)), RULE)
+    assert found.changed == (("status", "reject", "ok"),)
+    assert found.query.referent == Referent("car", "motor", "red", ("last",))
+    assert (found.query.action, found.query.relation, found.query.landmark) == ("park", "behind", "referent")
+    assert found.sure == pytest.approx(0.9, abs=0.01)
+    assert query_of("x", predict(status="reject")).action is None
