@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from dask_processes import DaskProcesses, kill_group, process
-from packing.made_source import contents, made_source
+from made_pack_source import contents, made_source
 from tiny_dataset import TinyDataset
 
 import appocc.cluster

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_source import GRID, INSTANCES, contents, made_map, made_source
+from made_pack_source import GRID, INSTANCES, contents, made_map, made_source
 from tiny_dataset import TinyDataset
 
 from appocc.errors import DataError

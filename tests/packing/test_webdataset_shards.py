@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_source import contents, made_source
+from made_pack_source import contents, made_source
 from tiny_dataset import TinyDataset
 from typer.testing import CliRunner
 
