@@ -3,8 +3,8 @@
 Run: OMP_NUM_THREADS=1 python -m benchmarks.cluster_overhead [--scenes 40] [--workers 2] [--repeats 3]
 A scene is one frame. Both have warm workers: they have simulated some scenes of both towns before the clock starts.
 Runs alternate, so that other load hits both. Prints medians of the seconds, of the processor seconds of all processes
-(client, scheduler, workers), and of the seconds in which the client alone puts the dataset together at the end; what
-Dask costs more, in percent; and checks that both write the same bytes.
+(client, scheduler, workers), and of those in which the client alone puts the dataset together at the end; what Dask
+costs more, in percent; the processor seconds of an idle cluster; and checks that both write the same bytes.
 """
 
 from __future__ import annotations
@@ -36,10 +36,11 @@ from appocc.simulation.sources import town_sources
 from appocc.workers import Engine, worker_pool
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+IDLE_S = 15
 
 
 class Cost(NamedTuple):
-    """Seconds of a run: by the clock, of all processors, and of the client alone after the last scene."""
+    """Seconds of a run: by the clock, of all processors, and processor seconds of the client after the last scene."""
 
     wall_s: float
     processor_s: float
@@ -94,15 +95,15 @@ def timed(out: Path, scenes: int, engine: Engine | None, ids: list[int]) -> Cost
     """Simulate once."""
     shutil.rmtree(out, ignore_errors=True)
     start, before = time.perf_counter(), processor_s(ids)
-    last = start
+    last = time.process_time()
 
     def advance(count: float) -> None:
         nonlocal last
-        last = time.perf_counter()
+        last = time.process_time()
 
     simulate(out, settings(scenes), engine, advance)
-    end = time.perf_counter()
-    return Cost(end - start, processor_s(ids) - before, end - last)
+    merging_s = time.process_time() - last
+    return Cost(time.perf_counter() - start, processor_s(ids) - before, merging_s)
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -128,13 +129,17 @@ def main() -> None:
             for kind, engine, ids in (("local", pool, local_ids), ("dask", cluster, dask_ids)):
                 costs[kind].append(timed(folder / kind, options.scenes, engine, ids))
                 print(kind, *(f"{each:.1f}" for each in costs[kind][-1]), flush=True)
+        before = processor_s(dask_ids)
+        time.sleep(IDLE_S)
+        idle = (processor_s(dask_ids) - before) / IDLE_S
         if contents(folder / "local") != contents(folder / "dask"):
             raise AppoccError("expected the same bytes from both, got others")
     print(
         f"{options.scenes} scenes, {options.workers} workers, load average {os.getloadavg()[0]:.1f}; the same bytes"
     )
+    print(f"idle cluster: {idle:.3f} processor seconds a second")
     local, dask = (Cost(*map(median, zip(*costs[kind], strict=True))) for kind in ("local", "dask"))
-    for what, a, b in zip(("seconds", "processor seconds", "merging, seconds"), local, dask, strict=True):
+    for what, a, b in zip(("seconds", "processor seconds", "merging, processor seconds"), local, dask, strict=True):
         print(f"{what}: local {a:.2f}, dask {b:.2f}, {100 * (b / a - 1):+.1f} %")
 
 
