@@ -75,7 +75,7 @@ def test_the_devkit_s_map_has_the_same_shapes(
 ) -> None:
     pytest.importorskip("nuscenes", reason="nuscenes-devkit is not installed (--no-deps)")
     drawing = SimpleNamespace(PolygonPatch=None)  # it draws with this package only
-    monkeypatch.setitem(sys.modules, "descartes", drawing)  # type: ignore[arg-type]
+    monkeypatch.setitem(sys.modules, "descartes", drawing)
     api = pytest.importorskip("nuscenes.map_expansion.map_api", exc_type=ImportError)
     theirs: Any = api.NuScenesMap(str(dataset.root), TOWN)
     (road,) = (theirs.extract_polygon(token) for token in theirs.drivable_area[0]["polygon_tokens"])
