@@ -97,17 +97,17 @@ def panda_root(walkthrough: Walkthrough) -> Path:
 @pytest.fixture(scope="session")
 def _server() -> Iterator[S3Server]:
     pytest.importorskip("s3fs", reason="the extra remote is not installed")
-    from appocc.files import object_store
+    from appocc.files import store_requests
 
     with s3_server() as server:
         yield server
-    object_store.forget_stores()
+    store_requests.forget_stores()
 
 
 @pytest.fixture
 def s3(_server: S3Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[S3Server]:
     """An empty S3 server; the credentials in the environment are right, waits are short, the cache is empty."""
-    from appocc.files import object_store
+    from appocc.files import store_requests
 
     for name, value in {
         "AWS_ACCESS_KEY_ID": KEY,
@@ -117,7 +117,7 @@ def s3(_server: S3Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> It
         "APPOCC_CACHE": str(tmp_path / "cache"),
     }.items():
         monkeypatch.setenv(name, value)
-    monkeypatch.setattr(object_store, "_WAITS_S", (0.01, 0.01, 0.01))
+    monkeypatch.setattr(store_requests, "_WAITS_S", (0.01, 0.01, 0.01))
     yield _server
     _server.reset()
 
@@ -125,8 +125,8 @@ def s3(_server: S3Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> It
 @pytest.fixture
 def new_connections() -> Iterator[None]:
     """For tests that change the environment of connections: these are made anew, before and after."""
-    from appocc.files import object_store
+    from appocc.files import store_requests
 
-    object_store.forget_stores()
+    store_requests.forget_stores()
     yield
-    object_store.forget_stores()
+    store_requests.forget_stores()

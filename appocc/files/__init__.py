@@ -7,7 +7,6 @@ methods; `path_of` makes either from text.
 from appocc.files.images import decoded_image, open_picture, read_image, read_images, read_picture_bytes, write_image
 from appocc.files.local_copies import local_copy
 from appocc.files.names import inside, plain_name, stays_inside
-from appocc.files.object_store import StoreError
 from appocc.files.reading import (
     MOST_BYTES,
     MOST_TEXT_BYTES,
@@ -20,6 +19,7 @@ from appocc.files.reading import (
     zip_arrays,
 )
 from appocc.files.remote_path import RemotePath, path_of
+from appocc.files.store_requests import StoreError
 from appocc.files.writing import whole_file, write_bytes, write_json
 
 __all__ = [

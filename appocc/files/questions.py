@@ -7,9 +7,10 @@ from collections.abc import Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from appocc.files.object_store import can_write, listing, state_of_object
+from appocc.files.object_store import listing, state_of_object
 from appocc.files.reading import read_file
 from appocc.files.remote_path import RemotePath
+from appocc.files.store_requests import can_write
 
 # How many questions a store is asked at once: each takes tens of milliseconds, most of them on the way.
 _ASKED_AT_ONCE = 16

@@ -12,7 +12,8 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 from appocc.errors import DataError
-from appocc.files.object_store import SCHEMES, StoreError, can_write, files_below, listing, remove, state_of_object
+from appocc.files.object_store import files_below, listing, remove, state_of_object
+from appocc.files.store_requests import SCHEMES, StoreError, can_write
 from appocc.typing import PathLike
 
 # A URL, also as pathlib shortens it.

@@ -13,7 +13,7 @@ from in_process import run_command
 
 from appocc import files
 from appocc.errors import DataError
-from appocc.files import object_store
+from appocc.files import store_requests
 
 pytest.importorskip("gcsfs", reason="the extra remote is not installed")
 
@@ -84,7 +84,7 @@ class Bucket(BaseHTTPRequestHandler):
 def bucket(monkeypatch: pytest.MonkeyPatch, new_connections: None) -> Iterator[dict[str, bytes]]:
     """The objects of the bucket gs://made."""
     monkeypatch.setattr(Bucket, "objects", {}, raising=False)
-    monkeypatch.setattr(object_store, "_WAITS_S", (0.01,))
+    monkeypatch.setattr(store_requests, "_WAITS_S", (0.01,))
     server = ThreadingHTTPServer(("127.0.0.1", 0), Bucket)
     monkeypatch.setenv("STORAGE_EMULATOR_HOST", f"http://127.0.0.1:{server.server_port}")
     thread = Thread(target=server.serve_forever, daemon=True)

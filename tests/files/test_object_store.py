@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import socket
 from pathlib import Path
 from typing import Any
@@ -14,8 +13,8 @@ from tiny_dataset import TinyDataset
 
 from appocc import files
 from appocc.errors import DataError
-from appocc.files import object_store
-from appocc.files.object_store import StoreError
+from appocc.files import store_requests
+from appocc.files.store_requests import StoreError
 
 
 def failing(times: int, status: str, body: bytes = b"", method: str = "", headers: tuple[Any, ...] = ()) -> Fault:
@@ -174,7 +173,7 @@ def test_parts_of_a_large_write_that_fails_are_removed(
 def test_parts_of_an_interrupted_write_are_removed(
     s3: S3Server, bucket: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    store = object_store._store("s3", os.getpid())
+    store = store_requests.connection("s3")
 
     def interrupted(source: str, address: str) -> None:
         store.call_s3("create_multipart_upload", Bucket="made", Key="large.bin")

@@ -79,8 +79,9 @@ def test_every_path_of_the_command_line_says_whether_it_may_be_a_url() -> None:
             if not isinstance(node, ast.Subscript) or ast.unparse(node.value) != "Annotated":
                 continue
             kind, call = node.slice.elts[:2] if isinstance(node.slice, ast.Tuple) else (node.slice, None)
-            takes_path = re.search(r"\bPath\b", ast.unparse(kind)) and isinstance(call, ast.Call)
-            if takes_path and not any(keyword.arg == "parser" for keyword in call.keywords):
+            if not isinstance(call, ast.Call) or not re.search(r"\bPath\b", ast.unparse(kind)):
+                continue
+            if not any(keyword.arg == "parser" for keyword in call.keywords):
                 without.append(f"{path.name}: {ast.unparse(node)}")
     assert without == []
 

@@ -15,8 +15,8 @@ from tiny_dataset import TinyDataset
 
 from appocc import Dataset, files
 from appocc.errors import DataError
-from appocc.files import object_store
-from appocc.files.object_store import StoreError
+from appocc.files import store_requests
+from appocc.files.store_requests import StoreError
 
 pytest.importorskip("aiohttp", reason="the extra remote is not installed")
 
@@ -32,12 +32,12 @@ class Quiet(SimpleHTTPRequestHandler):
 def served(tiny: TinyDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """The tiny dataset at an address."""
     monkeypatch.setenv("APPOCC_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(object_store, "_WAITS_S", (0.01, 0.01, 0.01))
+    monkeypatch.setattr(store_requests, "_WAITS_S", (0.01, 0.01, 0.01))
     server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(tmp_path)))
     thread = Thread(target=server.serve_forever, daemon=True)
     thread.start()
     yield f"http://127.0.0.1:{server.server_port}/{tiny.root.name}"
-    object_store.forget_stores()
+    store_requests.forget_stores()
     server.shutdown()
     thread.join(10)
     server.server_close()
