@@ -55,7 +55,9 @@ class MatchingCascade:
         ]
         if not allowed.any():
             return
-        best = solve_assignment(pairs._replace(cost=np.where(allowed, pairs.cost, np.inf)))
+        if not allowed.all():
+            pairs = pairs._replace(cost=np.where(allowed, pairs.cost, np.inf))
+        best = solve_assignment(pairs)
         self.unmatched_tracks[best.rows] = self.unmatched_detections[best.columns] = False
         self.detection[best.rows], self.turn_rad[best.rows] = best.columns, best.turn_rad
         self.noise_m2[best.rows] = best.noise_m2
