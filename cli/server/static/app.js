@@ -38,7 +38,7 @@ const talk = new Talk(() => draw());
 const board = new JobBoard({ finished: (job) => refresh(job), open: (job) => {
     open(job.recording);
     change({ source: job.source, vehicle: "" });
-  } });
+  }, begun: () => draw() });
 
 // What is open ------------------------------------------------------------------------------------------------------
 
@@ -161,7 +161,8 @@ function draw() {
   chosen.show(moment, cameras.seeing.bind(cameras));
   const tracking = moment.tracking;
   const pending = tracking?.kind === "map" && !tracking.problem;
-  note(!state.source ? "No maps yet: “Predict maps…” makes them from the cameras."
+  note(!state.source && board.predicts(state.recording) ? "Its maps are being made."
+    : !state.source ? "No maps yet: “Predict maps…” makes them from the cameras."
     : problem || (pending ? `Following the vehicles: ${Math.floor(100 * tracking.share)} %` : ""));
   drawMaps(shown);
 }

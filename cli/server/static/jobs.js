@@ -8,9 +8,9 @@ const EVERY_MS = 700;
 const VERB = { simulate: "Simulating", predict: "Predicting" };
 
 export class JobBoard {
-  /** Show jobs; `finished` gets a job that has ended well, `open` one whose maps are to be shown. */
-  constructor({ finished, open }) {
-    [this.finished, this.open, this.running, this.last] = [finished, open, null, null];
+  /** Show jobs; `finished` gets a job that has ended well, `open` one whose maps are to be shown; `begun` is called at a start. */
+  constructor({ finished, open, begun }) {
+    [this.finished, this.open, this.begun, this.last] = [finished, open, begun, null];
     byId("new-drive").addEventListener("click", () => byId("drive").showModal());
     byId("drive").addEventListener("close", () => this.#drive());
     byId("predict").addEventListener("click", () => byId("predicting").showModal());
@@ -29,6 +29,11 @@ export class JobBoard {
     fill(form.elements.town, drives.towns.map((name) => [name, name]), drives.towns[0]);
     fill(form.elements.weather, drives.weathers.map((name) => [name, name.replace("_", " ")]), drives.weathers[0]);
     form.elements.seconds.max = drives.most_seconds;
+  }
+
+  /** Whether the maps of a recording are being made. */
+  predicts(recording) {
+    return this.last?.state === "running" && this.last.recording === recording;
   }
 
   #drive() {
@@ -64,8 +69,10 @@ export class JobBoard {
     } catch {
       job = this.last;
     }
-    const ended = this.last?.state === "running" && job?.state !== "running";
+    const ran = this.last?.state === "running";
+    const ended = ran && job?.state !== "running";
     this.last = job;
+    if (!ran && job?.state === "running") this.begun();
     if (ended && job.state === "done") await this.finished(job).catch(() => {});
     if (job && (ended || job.state === "running")) this.#show(job);
     clearTimeout(this.timer);

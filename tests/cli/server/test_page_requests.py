@@ -262,6 +262,16 @@ def test_the_goal_follows_the_scene(client: TestClient, at: str) -> None:
     assert after["world_m"] == pytest.approx(before["world_m"], abs=1.0)
 
 
+@pytest.mark.parametrize("text", ["which cars do you see?", "hello there"])
+def test_an_answer_in_words_leaves_the_goal_in_view(text: str, client: TestClient, at: str) -> None:
+    goal = talk(client, at, say="stop behind the red car")
+    told = talk(client, at, talk=goal["talk"], say=text)
+    assert told["turns"][-1]["goal"] is None, "the plan is not repeated"
+    assert told["shown"]["target"] == goal["shown"]["target"]
+    assert told["candidates"] == []
+    assert talk(client, at, talk=goal["talk"], say="never mind")["shown"]["target"] is None
+
+
 def test_another_source_begins_another_conversation(client: TestClient, at: str) -> None:
     first = talk(client, at, say="stop behind the red car")
     other = talk(client, at, talk=first["talk"], source="exact", say="where are you heading?")
