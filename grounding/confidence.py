@@ -29,7 +29,7 @@ class Evidence(NamedTuple):
         fit: logarithm of the least fit of the referent in a word, 0 without a referent.
         goal: logarithm of the score of the goal.
         exact: 1 on a map of true boxes, else 0.
-        changed: corrected and dropped words.
+        changed: corrected and dropped words, and fields that the reader network changed.
     """
 
     margin: float
@@ -65,7 +65,7 @@ def gather_evidence(
         rivals = sum(math.exp(one.score - referent.score) for one in candidates if one is not referent)
         margin = min(-math.log(rivals), _MAX_MARGIN) if rivals > 0 else _MAX_MARGIN
         fit = _log(min(referent.fits.values(), default=1.0))
-    changed = len(reading.corrections) + len(reading.dropped)
+    changed = len(reading.corrections) + len(reading.dropped) + len(reading.revised)
     return Evidence(margin, fit, _log(goal_score), float(scene.table.is_exact), float(changed))
 
 

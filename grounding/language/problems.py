@@ -31,11 +31,15 @@ class CommandError(AppoccError, TypeError):
 
 @dataclass(frozen=True)
 class ParseProblem:
-    """Why a sentence is not a driving command: a message and a span of the normalised sentence (empty if none)."""
+    """Why a sentence is not a driving command: a message and a span of the normalised sentence (empty if none).
+
+    `unreadable`: whether its words are the reason, a misspelt verb or no word that is known.
+    """
 
     message: str
     start: int = 0
     end: int = 0
+    unreadable: bool = False
 
 
 def underline(text: str, problem: ParseProblem) -> str:
@@ -57,11 +61,12 @@ def find_problem(
         is_command: whether a normalised sentence is a command.
     """
     if not tokens:
-        return ParseProblem("the sentence holds no words")
+        return ParseProblem("the sentence holds no words", unreadable=True)
     if misspelling := _find_misspelt_verb(normalised, tokens, lexicon, is_command):
         return misspelling
     if all(token.category in (WordCategory.UNKNOWN, *_FUNCTION_WORDS) for token in tokens):
-        return ParseProblem(f"no word of it is understood: expected a command such as '{_EXAMPLE}'")
+        message = f"no word of it is understood: expected a command such as '{_EXAMPLE}'"
+        return ParseProblem(message, unreadable=True)
     first = next(token for token in tokens if token.category not in _FUNCTION_WORDS)
     if first.category is WordCategory.QUESTION:
         return ParseProblem("a question is no driving command", first.start, first.end)
@@ -81,5 +86,5 @@ def _find_misspelt_verb(
         if suggestion and is_command(corrected):
             shown = corrected if len(corrected) <= 80 else suggestion
             message = f"'{token.written}' is not understood: did you mean '{shown}'?"
-            return ParseProblem(message, token.start, token.end)
+            return ParseProblem(message, token.start, token.end, unreadable=True)
     return None

@@ -14,8 +14,8 @@ from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import WordCategory
 from grounding.query import Query
 
-# Least probability of being a command at which a sentence that the grammar takes for none is acted upon unasked.
-_SURE = 0.9
+# Least probability at which the network's own reading is acted upon unasked, where the grammar finds no command.
+_SURE = 0.8
 _POLARITY = (WordCategory.NOT, WordCategory.EXCEPT, WordCategory.CORRECT)
 _MARKS = (WordCategory.COMMA, WordCategory.BREAK)
 
@@ -46,6 +46,8 @@ def revise_readings(readings: Sequence[Reading], tokens: Sequence[Token]) -> tup
         DataError: if the weights of the network are missing or damaged.
     """
     first = readings[0]
+    if first.problem and first.problem.unreadable:
+        return tuple(readings)
     revision = default_reader().revise(first.query, evidence_of(first), tokens)
     if not revision.changed:
         return tuple(readings)

@@ -8,6 +8,7 @@ in torch.
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ import numpy as np
 
 from appocc.checks import FloatArray
 from grounding.language.reader.features import WordFacts, token_features, word_facts
-from grounding.language.reader.fields import CHOICES, NONE, NOUNS, QUALIFIERS
+from grounding.language.reader.fields import CHOICES, FIELDS, NONE, NOUNS, QUALIFIERS
 from grounding.language.syntax.tokenizer import Token
 
 # Words read; what follows is left to the grammar.
@@ -36,6 +37,12 @@ class Prediction:
     choices: Mapping[str, Mapping[str, float]]
     qualifiers: Mapping[str, float]
     head: str = ""
+
+    @property
+    def certainty(self) -> float:
+        """Probability that the likeliest values of all voted fields are right, if they are independent."""
+        chosen = [max(self.choices[field].values()) for field in FIELDS]
+        return math.prod((*chosen, *(max(one, 1 - one) for one in self.qualifiers.values())))
 
 
 class ReaderNetwork:

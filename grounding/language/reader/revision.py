@@ -24,6 +24,8 @@ _LEAST = 1e-4
 # What the grammar's vote gains where it understood every word (nats; a field, a qualifier): the weights are
 # fitted on sentences of strangers, and it is better on plain ones.
 _TRUST, _TRUST_QUALIFIER = 3.0, 1.5
+# Least log odds at which the vote overrules the grammar on whether a sentence is a command.
+_LEAST_ODDS = 1.0
 # Actions that may stand for what a sentence forbids: "don't overtake it" is `other`.
 _FORBIDDING = ("other", "wait", "slow_down", "give_way")
 
@@ -65,7 +67,7 @@ class Revision:
     Attributes:
         query: the query; its action is None if the sentence is no command.
         changed: (field, value of the grammar, value now) of the fields that were changed.
-        sure: probability 0..1 that the sentence is a command, or that it is none, as the vote says.
+        sure: probability 0..1 that the network sees in all of it.
     """
 
     query: Query
@@ -119,17 +121,20 @@ def revise(query: Query, evidence: Evidence, prediction: Prediction, rule: Mappi
     """
     odds = float(status_numbers(query, evidence, prediction) @ rule["status"])
     sure = 1 / (1 + math.exp(-abs(odds)))
-    if odds <= 0:
-        changed = (("status", "ok", "reject"),) if query.action else ()
-        return Revision(Query(query.command), changed, sure)
     if query.action is None:
-        return Revision(_command_of(query.command, prediction), (("status", "reject", "ok"),), sure)
+        if odds < _LEAST_ODDS:
+            return Revision(query, (), sure)
+        certain = sure * prediction.certainty
+        return Revision(_command_of(query.command, prediction), (("status", "reject", "ok"),), certain)
+    if odds < -_LEAST_ODDS:
+        return Revision(Query(query.command), (("status", "ok", "reject"),), sure)
     values = {}
     for field in FIELDS:
         own = field_value(query, field)
         scores = vote(own, evidence, prediction.choices[field], rule[field])
         scores[own] += _TRUST * evidence.whole
-        values[field] = own if _is_kept(field, own, evidence) else max(scores, key=scores.__getitem__)
+        best = max(scores, key=scores.__getitem__)
+        values[field] = own if _may_be_opposite(field, own, best, evidence) else best
     said = query.referent.qualifiers if query.referent else ()
     trust = _TRUST_QUALIFIER * evidence.whole
     qualifiers = tuple(
@@ -139,13 +144,13 @@ def revise(query: Query, evidence: Evidence, prediction: Prediction, rule: Mappi
         > (-trust if one in said else trust)
     )
     revised = _with_values(query, values, qualifiers, prediction)
-    return Revision(revised, _changes(query, revised), sure)
+    return Revision(revised, _changes(query, revised), sure * prediction.certainty)
 
 
-def _is_kept(field: str, own: str, evidence: Evidence) -> bool:
+def _may_be_opposite(field: str, own: str, other: str, evidence: Evidence) -> bool:
     """Return whether another value might turn a sentence into its opposite."""
     if field == "action":
-        return own == "avoid" or (evidence.contrary and own in _FORBIDDING)
+        return own == "avoid" or (evidence.contrary and (own in _FORBIDDING or other == "other"))
     return field == "direction" and evidence.contrary
 
 

@@ -59,7 +59,7 @@ def test_the_network_changes_one_field_where_the_grammar_left_words_out(field: s
 
 
 def test_an_unsure_network_changes_nothing() -> None:
-    assert revise(QUERY, GUESSED, predict(sure=0.2, relation="next_to"), RULE).changed == ()
+    assert revise(QUERY, GUESSED, predict(sure=0.3, relation="next_to"), RULE).changed == ()
 
 
 def test_actions_head_and_landmark_follow() -> None:
@@ -74,7 +74,8 @@ def test_actions_head_and_landmark_follow() -> None:
 
 
 def test_qualifiers() -> None:
-    revision = revise(QUERY, READ, predict(qualifiers=("nearest", "parked")), RULE)
+    assert revise(QUERY, READ, predict(qualifiers=("nearest", "parked")), RULE).changed == ()
+    revision = revise(QUERY, GUESSED, predict(qualifiers=("nearest", "parked")), RULE)
     assert revision.changed == (("qualifiers", "none", "nearest parked"),)
     assert revise(revision.query, READ, predict(qualifiers=("nearest", "parked")), RULE).changed == ()
 
@@ -95,5 +96,5 @@ def test_commands_and_others() -> None:
     assert found.changed == (("status", "reject", "ok"),)
     assert found.query.referent == Referent("car", "motor", "red", ("last",))
     assert (found.query.action, found.query.relation, found.query.landmark) == ("park", "behind", "referent")
-    assert found.sure == pytest.approx(0.9, abs=0.01)
+    assert 0.3 < found.sure < 0.6
     assert query_of("x", predict(status="reject")).action is None
