@@ -46,8 +46,8 @@ def row() -> Street:
 
 
 def parse_summary(text: str) -> str:
-    """Return the query of a sentence in one line: "park behind [car red left_side] right 3 m referent"."""
-    query = parse(text).query
+    """Return the grammar's query of a sentence in one line: "park behind [car red left_side] right 3 m referent"."""
+    query = parse(text, revised=False).query
     words = [str(query.action), query.relation]
     if query.referent is not None:
         inner = [query.referent.noun, query.referent.colour, *query.referent.qualifiers]

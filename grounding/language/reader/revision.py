@@ -26,6 +26,8 @@ _LEAST = 1e-4
 _TRUST, _TRUST_QUALIFIER = 3.0, 1.5
 # Least log odds at which the vote overrules the grammar on whether a sentence is a command.
 _LEAST_ODDS = 1.0
+# Most words of a sentence that the grammar understands and is believed about: "the one on the left" is no command.
+_SHORT = 6
 # Actions that may stand for what a sentence forbids: "don't overtake it" is `other`.
 _FORBIDDING = ("other", "wait", "slow_down", "give_way")
 
@@ -122,7 +124,7 @@ def revise(query: Query, evidence: Evidence, prediction: Prediction, rule: Mappi
     odds = float(status_numbers(query, evidence, prediction) @ rule["status"])
     sure = 1 / (1 + math.exp(-abs(odds)))
     if query.action is None:
-        if odds < _LEAST_ODDS:
+        if odds < _LEAST_ODDS or (evidence.whole and evidence.words <= _SHORT):
             return Revision(query, (), sure)
         certain = sure * prediction.certainty
         return Revision(_command_of(query.command, prediction), (("status", "reject", "ok"),), certain)
