@@ -61,7 +61,7 @@ def score_objects(query: Query, referent: Referent, scene: SceneModel) -> Refere
     word_fits = _fit_all_words(query, referent, scene)
     others = {word: fit for word, fit in word_fits.items() if word != referent.colour}
     plain, colour = _product(others), np.ones(len(table))
-    matches = np.min(list(others.values()), axis=0) >= _LEAST_WORD_FIT
+    matches = np.min([np.ones(len(table)), *others.values()], axis=0) >= _LEAST_WORD_FIT
     if referent.colour:
         colour = word_fits[referent.colour]
         matches &= colour >= _LEAST_COLOUR_FIT
