@@ -178,6 +178,8 @@ class Grounder:
     def check(self, text: str, reading: Reading, answer: Answer) -> Answer:
         """Compare an answer with the language model's reading, where the grammar understood only a part.
 
+        That is where it dropped words, found no command, or the reader network changed its reading.
+
         Args:
             text: the sentence.
             reading: the grammar's reading of it.
@@ -187,7 +189,7 @@ class Grounder:
             The answer if there is no model, the grammar used every content word, or the model reads the same; else
             the question which reading is meant, with `alternatives`.
         """
-        if self._llm is None or (reading.problem is None and not reading.dropped):
+        if self._llm is None or not (reading.problem or reading.dropped or reading.revised):
             return answer
         try:
             other = self._llm.read(text)

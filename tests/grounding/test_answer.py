@@ -173,7 +173,7 @@ def test_a_grounder_without_a_scene_raises() -> None:
 def test_a_reading_that_the_scene_refutes_ranks_lower(monkeypatch: pytest.MonkeyPatch) -> None:
     """The parser offers a bus, which is not in the scene, and a car."""
     bus, car = (parse(f"stop behind the blue {noun}") for noun in ("bus", "car"))
-    monkeypatch.setattr("grounding.grounder.parse_all", lambda *_: (bus, replace(car, score=-3.0)))
+    monkeypatch.setattr("grounding.grounder.parse_all", lambda *_, **__: (bus, replace(car, score=-3.0)))
     grounder = Grounder()
     grounder.set_scene(STREET.bev(), STREET.boxes())
     assert grounder.ground("stop behind the blue one").query.referent == car.query.referent

@@ -31,7 +31,7 @@ class Prediction:
     Attributes:
         choices: field of `CHOICES` or "noun" or "colour" -> value -> probability; NONE stands for no value.
         qualifiers: qualifier -> probability.
-        head: word that names the vehicle most likely, '' if none does.
+        head: word that names the vehicle most likely; '' for a word that the lexicon knows as no vehicle's name.
     """
 
     choices: Mapping[str, Mapping[str, float]]
@@ -82,7 +82,7 @@ class ReaderNetwork:
         scores = _log_sum_exp(self._linear("qualifier", words)) + self.weights["qualifier_prior"]
         qualifiers = dict(zip(QUALIFIERS, (1 / (1 + np.exp(-scores))).tolist(), strict=True))
         best = int(by_noun[1:].argmax())
-        return Prediction(choices, qualifiers, facts[best].text)
+        return Prediction(choices, qualifiers, facts[best].text if facts[best].noun else "")
 
     def _layer(self, inputs: FloatArray, number: int) -> FloatArray:
         """Return (T, 2 H) of a bidirectional GRU layer over (T, D)."""

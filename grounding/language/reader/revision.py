@@ -145,6 +145,8 @@ def revise(query: Query, evidence: Evidence, prediction: Prediction, rule: Mappi
         if qualifier_numbers(one in said, evidence, probability) @ rule["qualifier"]
         > (-trust if one in said else trust)
     )
+    if query.sought is not None and not evidence.dropped and evidence.words <= _SHORT:
+        values["noun"] = NONE  # "the white one": the scene tells which vehicle that is
     revised = _with_values(query, values, qualifiers, prediction)
     return Revision(revised, _changes(query, revised), sure * prediction.certainty)
 

@@ -72,6 +72,9 @@ def test_actions_head_and_landmark_follow() -> None:
     bare = Query("park", "park", ("park",), unresolved="one")
     query = revise(bare, GUESSED, predict(), RULE).query
     assert (query.referent, query.landmark, query.unresolved) == (Referent("car", "motor", "red"), "referent", "")
+    sought = Query("behind the red one", "park", ("park",), "behind", unresolved="one", sought=RED_CAR)
+    assert revise(sought, READ, predict(), RULE).changed == ()
+    assert revise(sought, GUESSED, predict(), RULE).query.referent == Referent("car", "motor", "red")
     assert revise(QUERY, GUESSED, predict(noun="none", colour="none"), RULE).query.referent is None
 
 
@@ -94,7 +97,7 @@ def test_commands_and_others() -> None:
     nothing = revise(QUERY, READ, predict(status="reject"), RULE)
     assert nothing.query == Query(QUERY.command)
     assert nothing.changed == (("status", "ok", "reject"),)
-    found = revise(Query(QUERY.command), READ, predict(qualifiers=("last",)), RULE)
+    found = revise(Query(QUERY.command), GUESSED, predict(qualifiers=("last",)), RULE)
     assert found.changed == (("status", "reject", "ok"),)
     assert found.query.referent == Referent("car", "motor", "red", ("last",))
     assert (found.query.action, found.query.relation, found.query.landmark) == ("park", "behind", "referent")
