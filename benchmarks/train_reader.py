@@ -22,7 +22,6 @@ import torch
 from safetensors.numpy import load_file, save_file
 from torch import Tensor, nn
 
-from appocc.checks import FloatArray
 from appocc.files import whole_file
 from benchmarks.reader.examples import Example, Sentence, example_of, preferences, read_sentences
 from benchmarks.reader.network import TorchReader, batch_of, export_weights
@@ -30,7 +29,7 @@ from benchmarks.reader.rule import Case, fit_rule
 from benchmarks.reader.variants import Variants
 from grounding.language.evaluation import CORE_FIELDS, ScoredCommand, score_command
 from grounding.language.parser import parse
-from grounding.language.reader.network import ReaderNetwork
+from grounding.language.reader.network import Numbers, ReaderNetwork
 from grounding.language.reader.reader import WEIGHTS_PATH
 from grounding.language.reader.revision import query_of, revise
 from grounding.language.revised_readings import evidence_of
@@ -60,7 +59,7 @@ def train_once(path: Path, examples: Sequence[Example], weights: Sequence[float]
             save_file(trained, temporary)
 
 
-def train(examples: Sequence[Example], weights: FloatArray, steps: int) -> TorchReader:
+def train(examples: Sequence[Example], weights: Numbers, steps: int) -> TorchReader:
     """Return a network trained on examples that are drawn by their weights."""
     torch.manual_seed(SEED)
     network = TorchReader(size=SIZE, hidden=HIDDEN, dropout=DROPOUT, feature_dropout=FEATURE_DROPOUT)
@@ -107,7 +106,7 @@ def cases_of(network: ReaderNetwork, sentences: Sequence[Sentence]) -> list[Case
     return cases
 
 
-def report(name: str, cases: Sequence[Case], rule: dict[str, FloatArray]) -> None:
+def report(name: str, cases: Sequence[Case], rule: dict[str, Numbers]) -> None:
     """Print the shares of sentences that are read right: by the grammar, by the network, and by both."""
     ways = {
         "grammar": [one.query for one in cases],

@@ -169,13 +169,12 @@ class Variants:
             return None
         return rejected(self._pick("reports").format(_lower(_open_end(label))))
 
-
     def _forbidden(self, label: Label) -> Label | None:
         """A manoeuvre that is forbidden is not made."""
         first = label["command"].split(" ")[0].lower()
         if label["action"] not in ("overtake", "drive_past", "turn", "change_lane") or first not in _WORDS["verbs"]:
             return None
-        others = {"action": "other", "action_alt": ["avoid", "wait", "slow_down"], "relation": "none"}
+        others: Label = {"action": "other", "action_alt": ["avoid", "wait", "slow_down"], "relation": "none"}
         others |= {"relation_alt": [label["relation"]], "direction": None, "landmark": None}
         return {**label, **others, "command": f"{self._pick('prohibitions')} {_lower(label['command'])}"}
 
