@@ -122,7 +122,10 @@ def report(name: str, cases: Sequence[Case], rule: dict[str, Numbers]) -> None:
 def _figures(scores: Sequence[ScoredCommand]) -> str:
     core = 100 * np.mean([one.core_correct for one in scores])
     shares = {field: 100 * np.mean([one.correct[field] for one in scores]) for field in CORE_FIELDS}
-    return f"core {core:.1f} % ({', '.join(f'{field} {share:.1f}' for field, share in shares.items())})"
+    status = [(one.label["status"] == "ok", one.correct["status"]) for one in scores]
+    wrong = {kind: 100 * np.mean([not right for ok, right in status if ok is kind]) for kind in (True, False)}
+    fields = ", ".join(f"{field} {share:.1f}" for field, share in shares.items())
+    return f"core {core:.1f} % ({fields}); rejected {wrong[True]:.1f}, accepted {wrong[False]:.1f} %"
 
 
 def fold_of(speaker: str, folds: int) -> int:

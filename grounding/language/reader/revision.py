@@ -23,8 +23,8 @@ _LEAST = 1e-4
 # What the grammar's vote gains where it understood every word (nats; a field, a qualifier): the weights are
 # fitted on sentences of strangers, and it is better on plain ones.
 _TRUST, _TRUST_QUALIFIER = 3.0, 1.5
-# Least log odds at which the vote overrules the grammar on whether a sentence is a command.
-_LEAST_ODDS = 1.0
+# Least log odds at which a sentence is a command that the grammar takes for none, and at which it remains one.
+_LEAST_ODDS, _LEAST_ODDS_KEPT = 1.0, 0.5
 # Most words of a sentence that the grammar understands and is believed about: "the one on the left" is no command.
 _SHORT = 6
 # Actions that may stand for what a sentence forbids: "don't overtake it" is `other`.
@@ -127,7 +127,7 @@ def revise(query: Query, evidence: Evidence, prediction: Prediction, rule: Mappi
             return Revision(query, (), sure)
         certain = sure * prediction.certainty
         return Revision(_command_of(query.command, prediction), (("status", "reject", "ok"),), certain)
-    if odds < -_LEAST_ODDS:
+    if odds < _LEAST_ODDS_KEPT:
         return Revision(Query(query.command), (("status", "ok", "reject"),), sure)
     values = {}
     for field in FIELDS:
