@@ -1,6 +1,6 @@
 """Train the reader network and the rule by which it revises the grammar, from the project's own sentences.
 
-python -m benchmarks.train_reader [--out FILE] [--work FOLDER] [--folds 3] [--steps 2500] [--workers 1]
+python -m benchmarks.train_reader [--out FILE] [--work FOLDER] [--folds 3] [--steps 3500] [--workers 1]
 
 The speakers are divided into folds; the sentences of each fold are read by a network that saw none of its speakers:
 these are the figures that are printed, and the readings on which the rule is fitted. Then the network is trained on
@@ -22,7 +22,6 @@ import torch
 from safetensors.numpy import load_file, save_file
 from torch import Tensor, nn
 
-from appocc.checks import FloatArray
 from appocc.files import whole_file
 from benchmarks.reader.examples import Example, Sentence, example_of, preferences, read_sentences
 from benchmarks.reader.network import TorchReader, batch_of, export_weights
@@ -30,7 +29,7 @@ from benchmarks.reader.rule import Case, fit_rule
 from benchmarks.reader.variants import Variants
 from grounding.language.evaluation import CORE_FIELDS, ScoredCommand, score_command
 from grounding.language.parser import parse
-from grounding.language.reader.network import ReaderNetwork
+from grounding.language.reader.network import Numbers, ReaderNetwork
 from grounding.language.reader.reader import WEIGHTS_PATH
 from grounding.language.reader.revision import query_of, revise
 from grounding.language.revised_readings import evidence_of
@@ -60,7 +59,7 @@ def train_once(path: Path, examples: Sequence[Example], weights: Sequence[float]
             save_file(trained, temporary)
 
 
-def train(examples: Sequence[Example], weights: FloatArray, steps: int) -> TorchReader:
+def train(examples: Sequence[Example], weights: Numbers, steps: int) -> TorchReader:
     """Return a network trained on examples that are drawn by their weights."""
     torch.manual_seed(SEED)
     network = TorchReader(size=SIZE, hidden=HIDDEN, dropout=DROPOUT, feature_dropout=FEATURE_DROPOUT)
@@ -107,7 +106,7 @@ def cases_of(network: ReaderNetwork, sentences: Sequence[Sentence]) -> list[Case
     return cases
 
 
-def report(name: str, cases: Sequence[Case], rule: dict[str, FloatArray]) -> None:
+def report(name: str, cases: Sequence[Case], rule: dict[str, Numbers]) -> None:
     """Print the shares of sentences that are read right: by the grammar, by the network, and by both."""
     ways = {
         "grammar": [one.query for one in cases],
@@ -123,7 +122,10 @@ def report(name: str, cases: Sequence[Case], rule: dict[str, FloatArray]) -> Non
 def _figures(scores: Sequence[ScoredCommand]) -> str:
     core = 100 * np.mean([one.core_correct for one in scores])
     shares = {field: 100 * np.mean([one.correct[field] for one in scores]) for field in CORE_FIELDS}
-    return f"core {core:.1f} % ({', '.join(f'{field} {share:.1f}' for field, share in shares.items())})"
+    status = [(one.label["status"] == "ok", one.correct["status"]) for one in scores]
+    wrong = {kind: 100 * np.mean([not right for ok, right in status if ok is kind]) for kind in (True, False)}
+    fields = ", ".join(f"{field} {share:.1f}" for field, share in shares.items())
+    return f"core {core:.1f} % ({fields}); rejected {wrong[True]:.1f}, accepted {wrong[False]:.1f} %"
 
 
 def fold_of(speaker: str, folds: int) -> int:
@@ -137,7 +139,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=WEIGHTS_PATH)
     parser.add_argument("--work", type=Path, default=Path("runs/reader"))
     parser.add_argument("--folds", type=int, default=3)
-    parser.add_argument("--steps", type=int, default=2500)
+    parser.add_argument("--steps", type=int, default=3500)
     parser.add_argument("--workers", type=int, default=1)
     asked = parser.parse_args()
     sentences = read_sentences()

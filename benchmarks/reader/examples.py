@@ -103,8 +103,8 @@ def _right_values(label: dict[str, Any], facts: list[WordFacts]) -> dict[str, li
     nouns = (referent["noun"], *referent.get("noun_alt", ()))
     right["noun"] = [NOUNS.index(one) for one in nouns if one in NOUNS]
     colour = referent.get("colour")
-    named = [1 + i for i, fact in enumerate(facts) if fact.colour == colour]
-    right["colour"] = named if colour else [0]
+    coloured = [1 + i for i, fact in enumerate(facts) if fact.colour == colour]
+    right["colour"] = coloured if colour else [0]
     return right
 
 

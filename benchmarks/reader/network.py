@@ -9,9 +9,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from appocc.checks import FloatArray
 from grounding.language.reader.features import TABLE_ROWS, WordFacts
 from grounding.language.reader.fields import CHOICES, NOUNS, QUALIFIERS
+from grounding.language.reader.network import Numbers
 
 _IMPOSSIBLE = -1e4
 
@@ -103,7 +103,7 @@ class TorchReader(nn.Module):
         return torch.cat([shares[:, :1], torch.logsumexp(shares[:, 1:, None] + classes, 1)], 1)
 
 
-def export_weights(network: TorchReader) -> dict[str, FloatArray]:
+def export_weights(network: TorchReader) -> dict[str, Numbers]:
     """Return the weights by the names and in the layout of `grounding.language.reader.network`, float16."""
     state = {name: value.detach().numpy() for name, value in network.state_dict().items()}
     weights = {"table": state["table.weight"], "qualifier_prior": state["qualifier_prior"]}

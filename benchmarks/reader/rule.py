@@ -11,9 +11,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from appocc.checks import FloatArray
 from grounding.language.reader.fields import FIELDS, NONE
-from grounding.language.reader.network import Prediction
+from grounding.language.reader.network import Numbers, Prediction
 from grounding.language.reader.revision import (
     Evidence,
     field_value,
@@ -43,7 +42,7 @@ class Case:
         return self.label["status"] == "ok" and self.query.action is not None
 
 
-def fit_rule(cases: Sequence[Case]) -> dict[str, FloatArray]:
+def fit_rule(cases: Sequence[Case]) -> dict[str, Numbers]:
     """Return the weights of `grounding.language.reader.revision.revise`."""
     numbers = np.array([status_numbers(one.query, one.evidence, one.prediction) for one in cases])
     accepted = np.array([one.label["status"] == "ok" for one in cases])
@@ -51,7 +50,7 @@ def fit_rule(cases: Sequence[Case]) -> dict[str, FloatArray]:
     return rule | {field: _fit_field(field, [one for one in cases if one.both_accept]) for field in FIELDS}
 
 
-def _fit_qualifiers(cases: Sequence[Case]) -> FloatArray:
+def _fit_qualifiers(cases: Sequence[Case]) -> Numbers:
     numbers, wanted = [], []
     for one in filter(lambda case: case.both_accept, cases):
         referent = one.label["referent"] or {}
@@ -65,7 +64,7 @@ def _fit_qualifiers(cases: Sequence[Case]) -> FloatArray:
     return _fit_logistic(np.array(numbers), np.array(wanted))
 
 
-def _fit_field(field: str, cases: Sequence[Case]) -> FloatArray:
+def _fit_field(field: str, cases: Sequence[Case]) -> Numbers:
     """Return the weights (7,) that make the right values likeliest (conditional logit)."""
     values = [sorted({field_value(one.query, field), *one.prediction.choices[field]}) for one in cases]
     shape = (len(cases), max(map(len, values)))
@@ -95,7 +94,7 @@ def _right_values(label: dict[str, Any], field: str) -> set[str]:
     return {label[field] or NONE, *label.get(f"{field}_alt", ())}
 
 
-def _fit_logistic(numbers: FloatArray, wanted: FloatArray) -> FloatArray:
+def _fit_logistic(numbers: Numbers, wanted: Numbers) -> Numbers:
     inputs, outputs = _tensor(numbers), _tensor(wanted)
 
     def loss(weights: Tensor) -> Tensor:
@@ -105,7 +104,7 @@ def _fit_logistic(numbers: FloatArray, wanted: FloatArray) -> FloatArray:
     return _minimise(loss, np.zeros(numbers.shape[1]))
 
 
-def _minimise(loss: Callable[[Tensor], Tensor], start: FloatArray) -> FloatArray:
+def _minimise(loss: Callable[[Tensor], Tensor], start: Numbers) -> Numbers:
     weights = _tensor(start).requires_grad_()
     optimiser = torch.optim.LBFGS([weights], max_iter=100, line_search_fn="strong_wolfe")
 
@@ -113,9 +112,9 @@ def _minimise(loss: Callable[[Tensor], Tensor], start: FloatArray) -> FloatArray
         optimiser.zero_grad()
         value = loss(weights)
         torch.autograd.backward(value)
-        return float(value)
+        return value.item()
 
-    optimiser.step(closure)
+    optimiser.step(closure)  # type: ignore[no-untyped-call]
     result = weights.detach().numpy()
     if not all(map(math.isfinite, result)):
         raise ValueError("fit: expected finite weights")

@@ -39,7 +39,7 @@ class Variants:
         self._kinds: tuple[Callable[[Label], Label | None], ...] = (
             *(self._address, self._reason, self._both, self._story, self._story_after, self._typo, self._typed),
             *(self._other_vehicle, self._other_vehicle, self._repair, self._repair, self._mentioned),
-            *(self._mirror, self._mirror, self._taken_back, self._report),
+            *(self._mirror, self._mirror, self._taken_back, self._report, self._forbidden),
         )
 
     def draw(self, label: Label) -> Label | None:
@@ -168,6 +168,15 @@ class Variants:
         if label["status"] == "reject" or first not in _WORDS["verbs"]:
             return None
         return rejected(self._pick("reports").format(_lower(_open_end(label))))
+
+    def _forbidden(self, label: Label) -> Label | None:
+        """A manoeuvre that is forbidden is not made."""
+        first = label["command"].split(" ")[0].lower()
+        if label["action"] not in ("overtake", "drive_past", "turn", "change_lane") or first not in _WORDS["verbs"]:
+            return None
+        others: Label = {"action": "other", "action_alt": ["avoid", "wait", "slow_down"], "relation": "none"}
+        others |= {"relation_alt": [label["relation"]], "direction": None, "landmark": None}
+        return {**label, **others, "command": f"{self._pick('prohibitions')} {_lower(label['command'])}"}
 
 
 def _said(label: Label, text: str) -> Label:

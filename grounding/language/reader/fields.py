@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import get_args
 
-from grounding.query_schema import Direction, Noun, Qualifier
+from grounding.query import Direction
+from grounding.query_schema import Noun, Qualifier
 from grounding.vocabulary import Action, Relation, Trigger
 
 NONE = "none"

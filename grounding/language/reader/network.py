@@ -12,14 +12,17 @@ import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from appocc.checks import FloatArray
 from grounding.language.reader.features import WordFacts, token_features, word_facts
 from grounding.language.reader.fields import CHOICES, FIELDS, NONE, NOUNS, QUALIFIERS
 from grounding.language.syntax.tokenizer import Token
 
+# Floating-point numbers of any precision.
+Numbers = NDArray[np.floating[Any]]
 # Words read; what follows is left to the grammar.
 MAX_TOKENS = 80
 
@@ -48,7 +51,7 @@ class Prediction:
 class ReaderNetwork:
     """The network with its weights; `predict` takes about a millisecond."""
 
-    def __init__(self, weights: Mapping[str, FloatArray]) -> None:
+    def __init__(self, weights: Mapping[str, Numbers]) -> None:
         """Take the weights by name: those of `benchmarks.reader.network.export_weights`."""
         self.weights = {name: array.astype(np.float32) for name, array in weights.items()}
 
@@ -84,7 +87,7 @@ class ReaderNetwork:
         best = int(by_noun[1:].argmax())
         return Prediction(choices, qualifiers, facts[best].text if facts[best].noun else "")
 
-    def _layer(self, inputs: FloatArray, number: int) -> FloatArray:
+    def _layer(self, inputs: Numbers, number: int) -> Numbers:
         """Return (T, 2 H) of a bidirectional GRU layer over (T, D)."""
         weight = self.weights
         outputs = []
@@ -96,10 +99,10 @@ class ReaderNetwork:
             outputs.append(states if direction == "forward" else states[::-1])
         return np.concatenate(outputs, axis=1)
 
-    def _linear(self, name: str, values: FloatArray) -> FloatArray:
+    def _linear(self, name: str, values: Numbers) -> Numbers:
         return values @ self.weights[f"{name}.weight"] + self.weights[f"{name}.bias"]
 
-    def _nouns(self, words: FloatArray, facts: Sequence[WordFacts], pointed: FloatArray) -> dict[str, float]:
+    def _nouns(self, words: Numbers, facts: Sequence[WordFacts], pointed: Numbers) -> dict[str, float]:
         """Return the probability of each class: of the words pointed to, by lexicon or guessed."""
         guessed = _softmax(self._linear("class", words), axis=1)
         found = np.zeros(len(NOUNS))
@@ -112,7 +115,7 @@ class ReaderNetwork:
         return dict(zip(NOUNS, found.tolist(), strict=True))
 
 
-def _gru(gates: FloatArray, state_weight: FloatArray, state_bias: FloatArray) -> FloatArray:
+def _gru(gates: Numbers, state_weight: Numbers, state_bias: Numbers) -> Numbers:
     """Return the states (T, H) of a GRU over input gates (T, 3 H): reset, update, new."""
     size = gates.shape[1] // 3
     state = np.zeros(size, dtype=gates.dtype)
@@ -126,20 +129,20 @@ def _gru(gates: FloatArray, state_weight: FloatArray, state_bias: FloatArray) ->
     return states
 
 
-def _colours(words: Sequence[str], pointed: FloatArray) -> dict[str, float]:
+def _colours(words: Sequence[str], pointed: Numbers) -> dict[str, float]:
     found: dict[str, float] = defaultdict(float, {NONE: float(pointed[0])})
     for word, share in zip(words, pointed[1:].tolist(), strict=True):
         found[word] += share
     return dict(found)
 
 
-def _softmax(scores: FloatArray, axis: int = -1) -> FloatArray:
+def _softmax(scores: Numbers, axis: int = -1) -> Numbers:
     powers = np.exp(scores - scores.max(axis=axis, keepdims=True))
-    result: FloatArray = powers / powers.sum(axis=axis, keepdims=True)
+    result: Numbers = powers / powers.sum(axis=axis, keepdims=True)
     return result
 
 
-def _log_sum_exp(scores: FloatArray) -> FloatArray:
+def _log_sum_exp(scores: Numbers) -> Numbers:
     top = scores.max(axis=0)
-    result: FloatArray = top + np.log(np.exp(scores - top).sum(axis=0))
+    result: Numbers = top + np.log(np.exp(scores - top).sum(axis=0))
     return result

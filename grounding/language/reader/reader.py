@@ -11,13 +11,12 @@ import numpy as np
 from safetensors import SafetensorError
 from safetensors.numpy import load
 
-from appocc.checks import FloatArray
 from appocc.errors import DataError
 from appocc.files import read_file
 from appocc.typing import PathLike
 from grounding.language.reader.features import TABLE_ROWS
 from grounding.language.reader.fields import CHOICES, FIELDS, NOUNS, QUALIFIERS
-from grounding.language.reader.network import MAX_TOKENS, ReaderNetwork
+from grounding.language.reader.network import MAX_TOKENS, Numbers, ReaderNetwork
 from grounding.language.reader.revision import Evidence, Revision, revise
 from grounding.language.syntax.tokenizer import Token
 from grounding.query import Query
@@ -38,7 +37,7 @@ class Reader:
     """
 
     network: ReaderNetwork
-    rule: Mapping[str, FloatArray]
+    rule: Mapping[str, Numbers]
 
     def revise(self, query: Query, evidence: Evidence, tokens: Sequence[Token]) -> Revision:
         """Return the grammar's query after the vote of the network; unchanged for a text that is too long for it.
@@ -68,7 +67,7 @@ def load_reader(path: PathLike) -> Reader:
     return Reader(ReaderNetwork(arrays), rule)
 
 
-def _check_shapes(path: PathLike, arrays: Mapping[str, FloatArray]) -> None:
+def _check_shapes(path: PathLike, arrays: Mapping[str, Numbers]) -> None:
     size, hidden = (arrays[name].shape[-1] if name in arrays else 0 for name in ("table", "gru0.forward.state"))
     for name, shape in _expected_shapes(size, hidden // 3).items():
         got = arrays[name].shape if name in arrays else None

@@ -14,9 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from appocc.checks import FloatArray
 from grounding.language.reader.fields import FIELDS, NONE, QUALIFIERS
-from grounding.language.reader.network import Prediction
+from grounding.language.reader.network import Numbers, Prediction
 from grounding.query import Exclusion, Query, Referent
 
 # Least probability of a value that counts.
@@ -24,8 +23,8 @@ _LEAST = 1e-4
 # What the grammar's vote gains where it understood every word (nats; a field, a qualifier): the weights are
 # fitted on sentences of strangers, and it is better on plain ones.
 _TRUST, _TRUST_QUALIFIER = 3.0, 1.5
-# Least log odds at which the vote overrules the grammar on whether a sentence is a command.
-_LEAST_ODDS = 1.0
+# Least log odds at which a sentence is a command that the grammar takes for none, and at which it remains one.
+_LEAST_ODDS, _LEAST_ODDS_KEPT = 1.0, 0.5
 # Most words of a sentence that the grammar understands and is believed about: "the one on the left" is no command.
 _SHORT = 6
 # Actions that may stand for what a sentence forbids: "don't overtake it" is `other`.
@@ -56,7 +55,7 @@ class Evidence(NamedTuple):
         """Whether the grammar understood every word."""
         return not (self.dropped or self.corrected or self.doubtful or self.unknown)
 
-    def numbers(self) -> FloatArray:
+    def numbers(self) -> Numbers:
         """Return (6,) a one and the bounded numbers."""
         counts = (self.dropped / 3, self.corrected / 2, float(self.doubtful), self.unknown / 3, self.words / 30)
         return np.array([1.0, *(min(one, 1.0) for one in counts)])
@@ -77,7 +76,7 @@ class Revision:
     sure: float
 
 
-def status_numbers(query: Query, evidence: Evidence, prediction: Prediction) -> FloatArray:
+def status_numbers(query: Query, evidence: Evidence, prediction: Prediction) -> Numbers:
     """Return (8,) what the decision between command and none depends on."""
     choices = prediction.choices["status"]
     accepted = query.action is not None
@@ -85,7 +84,7 @@ def status_numbers(query: Query, evidence: Evidence, prediction: Prediction) -> 
     return np.array([1.0, log_odds(choices["ok"]), accepted, *(numbers[1:] * accepted)])
 
 
-def vote(own: str, evidence: Evidence, probabilities: Mapping[str, float], weights: FloatArray) -> dict[str, float]:
+def vote(own: str, evidence: Evidence, probabilities: Mapping[str, float], weights: Numbers) -> dict[str, float]:
     """Return value -> score of one field; weights (7,): of the network's log probability, of the evidence."""
     bonus = float(evidence.numbers() @ weights[1:])
     values = {**dict.fromkeys([own], 0.0), **probabilities}
@@ -95,7 +94,7 @@ def vote(own: str, evidence: Evidence, probabilities: Mapping[str, float], weigh
     }
 
 
-def qualifier_numbers(said: bool, evidence: Evidence, probability: float) -> FloatArray:
+def qualifier_numbers(said: bool, evidence: Evidence, probability: float) -> Numbers:
     """Return (13,) what the decision about one qualifier depends on; `said`: whether the grammar has it."""
     numbers = evidence.numbers()
     return np.array([log_odds(probability), *(numbers * said), *(numbers * (not said))])
@@ -112,7 +111,7 @@ def field_value(query: Query, field: str) -> str:
     return str(getattr(holder, field, None) or NONE)
 
 
-def revise(query: Query, evidence: Evidence, prediction: Prediction, rule: Mapping[str, FloatArray]) -> Revision:
+def revise(query: Query, evidence: Evidence, prediction: Prediction, rule: Mapping[str, Numbers]) -> Revision:
     """Return the query after the vote of grammar and network.
 
     Args:
@@ -128,7 +127,7 @@ def revise(query: Query, evidence: Evidence, prediction: Prediction, rule: Mappi
             return Revision(query, (), sure)
         certain = sure * prediction.certainty
         return Revision(_command_of(query.command, prediction), (("status", "reject", "ok"),), certain)
-    if odds < -_LEAST_ODDS:
+    if odds < _LEAST_ODDS_KEPT:
         return Revision(Query(query.command), (("status", "ok", "reject"),), sure)
     values = {}
     for field in FIELDS:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -105,7 +106,7 @@ def test_training_lowers_the_loss() -> None:
 
 
 def test_variants_keep_or_change_the_label_with_the_words() -> None:
-    label = {
+    label: dict[str, Any] = {
         "command": "turn left behind the red van",
         "status": "ok",
         "action": "turn",
