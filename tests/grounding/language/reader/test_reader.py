@@ -124,6 +124,6 @@ def test_variants_keep_or_change_the_label_with_the_words() -> None:
         assert reported == (one["referent"] is None)
         if not reported:
             assert one["referent"]["colour"] in one["command"].lower()
-            forbidden = one["action"] == "other"
-            assert one["direction"] is None if forbidden else one["direction"] in ("left", "right")
+            # A turn that is forbidden has no direction.
+            assert (one["direction"] in ("left", "right")) == (one["action"] == "turn")
     assert {"left", "right"} <= {one["direction"] for one in drawn}
