@@ -142,7 +142,7 @@ def training_parts(dataset: Dataset, samples: Sequence[Sample], more: Iterable[P
     }
 
 
-def pack_parts(dataset: Dataset, samples: Sequence[Sample], maps: Iterable[Path]) -> dict[str, str]:
+def pack_parts(dataset: Dataset, samples: Sequence[Sample], maps: Sequence[Path]) -> dict[str, str]:
     """Inputs of samples that are packed for other programs: pictures, calibration, boxes, and the files of maps."""
     data = [each for sample in samples for each in dataset.data(sample).values()]
     pictures = [each for each in data if each.modality == "camera"]
@@ -150,7 +150,7 @@ def pack_parts(dataset: Dataset, samples: Sequence[Sample], maps: Iterable[Path]
         "pictures": _files(dataset, pictures),
         "calibration": _mounting(dataset, pictures, samples),
         "boxes": _boxes(dataset, samples),
-        "maps": digest((path.name, state_of(path)) for path in maps),
+        "maps": digest(_named(maps)),
     }
 
 

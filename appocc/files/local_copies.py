@@ -24,10 +24,10 @@ def cache_folder() -> Path:
 
 
 def local_copy(path: Path, most_bytes: int | None = None) -> Path:
-    """Return a local file with the content of a path: itself, or a copy of a remote file, which is kept.
+    """Return a local path as it is, and a remote file as its cached local copy.
 
-    Copies are named by the URL and by what the store says about the content (tag or time, and size). Processes that
-    want the same one wait for one of them to fetch it.
+    A copy is named by the URL, and by the size and the tag or time of the content. Of concurrent processes
+    one downloads, the others wait.
 
     Raises:
         DataError: if it is missing or larger than `most_bytes`, or the cache cannot be written.

@@ -24,7 +24,7 @@ class Reading:
         doubt: question about dropped words without which the place may be the wrong one, to be asked before the
             reading is acted upon; '' if there is none.
         corrections: words as written and as read, where they differ.
-        revised: (field, value of the grammar, value now) of what the reader network changed.
+        revised: (field, value of the grammar, value now) of each field that the reader network changed.
     """
 
     query: Query

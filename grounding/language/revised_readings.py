@@ -36,7 +36,7 @@ def _stops_doing(token: Token, following: Token) -> bool:
 
 
 def revise_readings(readings: Sequence[Reading], tokens: Sequence[Token]) -> tuple[Reading, ...]:
-    """Return the readings, best first, with what the network changes.
+    """Return the readings, best first, as revised by the network.
 
     Args:
         readings: the grammar's readings, best first; one without an action if the sentence is no command.

@@ -77,7 +77,7 @@ class Revision:
 
 
 def status_numbers(query: Query, evidence: Evidence, prediction: Prediction) -> Numbers:
-    """Return (8,) what the decision between command and none depends on."""
+    """Return the features (8,) of the decision whether a sentence is a command."""
     choices = prediction.choices["status"]
     accepted = query.action is not None
     numbers = evidence.numbers()
@@ -95,7 +95,7 @@ def vote(own: str, evidence: Evidence, probabilities: Mapping[str, float], weigh
 
 
 def qualifier_numbers(said: bool, evidence: Evidence, probability: float) -> Numbers:
-    """Return (13,) what the decision about one qualifier depends on; `said`: whether the grammar has it."""
+    """Return the features (13,) of the vote on one qualifier; `said`: whether the grammar has it."""
     numbers = evidence.numbers()
     return np.array([log_odds(probability), *(numbers * said), *(numbers * (not said))])
 
