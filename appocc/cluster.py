@@ -101,8 +101,8 @@ class Cluster:
             named = "; ".join(str(item)[:200] for chunk in deadly[:3] for item in chunk)
             raise ItemsFailedError(f"{len(deadly)} tasks have killed every worker that tried them: {named}")
 
-    def check(self, folder: Path) -> None:
-        """Check that all workers have one thread and these versions, and see a file in `folder`.
+    def check(self, folder: Path, writes: bool = True) -> None:
+        """Check that all workers have one thread and these versions, and see `folder`, or a new file in it.
 
         Raises:
             AppoccError: if one has not or does not.
@@ -116,25 +116,32 @@ class Cluster:
                 raise AppoccError(
                     f"worker {address}: expected one thread (dask worker --nthreads 1), got {worker['nthreads']}"
                 )
+        if not writes:
+            self._check_seen(folder, folder)
+            return
         probe = (folder if isinstance(folder, RemotePath) else _existing(folder)) / f".appocc-{uuid4().hex}"
         write_bytes(probe, b"")
         try:
-            blind = [address for address, sees in self._client.run(_sees, probe).items() if not sees]
+            self._check_seen(probe, probe.parent)
         finally:
             probe.unlink(missing_ok=True)
+
+    def _check_seen(self, path: Path, folder: Path) -> None:
+        blind = [address for address, sees in self._client.run(_sees, path).items() if not sees]
         if blind:
-            raise AppoccError(f"worker {blind[0]}: expected the shared folder {probe.parent}, it does not see it")
+            raise AppoccError(f"worker {blind[0]}: expected the shared folder {folder}, it does not see it")
 
 
 @contextmanager
-def connected(cluster: str, workers: int, folder: Path) -> Iterator[Cluster]:
-    """Connect to a cluster for the time of a block, checked for the output folder.
+def connected(cluster: str, workers: int, folder: Path, writes: bool = True) -> Iterator[Cluster]:
+    """Connect to a cluster for the time of a block, checked for a shared folder.
 
     Args:
         cluster: `dask:tcp://HOST:PORT` of a running scheduler; `dask:slurm` or `dask:slurm:FILE`, which starts
             `workers` SLURM jobs by dask-jobqueue, with its settings or those of a YAML file.
         workers: number of jobs to start.
-        folder: output folder.
+        folder: folder of the output, or of the input of a job that writes nothing.
+        writes: whether a file may be written into it.
 
     Raises:
         DataError: if `cluster` is none of these.
@@ -155,7 +162,7 @@ def connected(cluster: str, workers: int, folder: Path) -> Iterator[Cluster]:
         with client:
             found = Cluster(client)
             _await_workers(client, address, 1 if started is None else workers)
-            found.check(folder)
+            found.check(folder, writes)
             yield found
     finally:
         if started is not None:

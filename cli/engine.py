@@ -24,6 +24,10 @@ ClusterOption = Annotated[
     ),
 ]
 
+ProcessesOption = Annotated[
+    int | None, typer.Option("--workers", min=1, max=1024, help="Processes; default: one per core.")
+]
+
 
 def shared(cluster: str, path: Path) -> Path:
     """Return a path as all workers of a cluster can read it: absolute."""
@@ -31,8 +35,14 @@ def shared(cluster: str, path: Path) -> Path:
 
 
 @contextmanager
-def engine(cluster: str, workers: int, folder: Path) -> Iterator[Engine | None]:
-    """Yield what runs the jobs of a command that writes into `folder`; None: this process, one job after the other.
+def engine(cluster: str, workers: int, folder: Path, writes: bool = True) -> Iterator[Engine | None]:
+    """Yield what runs the jobs of a command; None: this process, one job after the other.
+
+    Args:
+        cluster: value of `--cluster`.
+        workers: number of processes of this machine, or of SLURM jobs.
+        folder: folder that the workers of a cluster share: that of the output, or else of the input.
+        writes: whether the command writes into it.
 
     Raises:
         DataError: if `cluster` is not valid.
@@ -46,6 +56,6 @@ def engine(cluster: str, workers: int, folder: Path) -> Iterator[Engine | None]:
         return
     from appocc.cluster import connected
 
-    with connected(cluster, workers, folder) as found:
+    with connected(cluster, workers, folder, writes) as found:
         say(f"{cluster}: {found.size} workers; dashboard: {found.dashboard}")
         yield found

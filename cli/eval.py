@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from cli.common import JsonOption, RootArgument, VersionOption, emit, progress, say, wide_console
+from cli.engine import LOCAL, ClusterOption, ProcessesOption, engine, shared
 from cli.eval_detections import detections
 from cli.eval_parses import parses
 from cli.eval_tracks import tracks
@@ -44,6 +45,8 @@ def bev(
         typer.Option("--range", min=0.1, help="Only cells within this distance of the ego, in metres."),
     ] = None,
     scene: Annotated[str | None, typer.Option(help="Only this scene.")] = None,
+    workers: ProcessesOption = None,
+    cluster: ClusterOption = LOCAL,
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -52,16 +55,22 @@ def bev(
     Example: appocc eval bev ROOT --bev groundtruth --against exact
     """
     from appocc.bevmap import bev_folder
+    from appocc.environment import cores
     from appocc.evaluation.bev import EvaluationConfig, evaluate
     from appocc.nuscenes import Dataset
 
+    root = shared(cluster, root)
     dataset = Dataset(root, version)
     scenes = [dataset.scene(scene)] if scene else list(dataset.scenes)
     if against is None:
         against = TruthSource.exact if bev_folder(root, "exact").is_dir() else TruthSource.groundtruth
     question = EvaluationConfig(source, against.value, setting is GridSetting.ahead, range_m)
-    with progress("comparing", sum(len(dataset.samples(one)) for one in scenes)) as advance:
-        answer = evaluate(dataset, scenes, question, advance).as_json()
+    total = sum(len(dataset.samples(one)) for one in scenes)
+    with (
+        engine(cluster, workers or cores(), root, writes=False) as pool,
+        progress("comparing", total) as advance,
+    ):
+        answer = evaluate(dataset, scenes, question, advance, pool).as_json()
     if as_json:
         emit(answer)
     _show(answer)

@@ -19,7 +19,7 @@ from cli.common import (
     say_empty,
     say_stale,
 )
-from cli.engine import LOCAL, ClusterOption, engine, shared
+from cli.engine import LOCAL, ClusterOption, ProcessesOption, engine, shared
 
 
 class VehicleColour(StrEnum):
@@ -39,7 +39,7 @@ def groundtruth(
     paint: Annotated[
         VehicleColour, typer.Option(help="Vehicle colour: robust (bodywork only) or the paper's histogram mode.")
     ] = VehicleColour.robust,
-    workers: Annotated[int | None, typer.Option(min=1, max=1024, help="Processes; default: one per core.")] = None,
+    workers: ProcessesOption = None,
     cluster: ClusterOption = LOCAL,
     version: VersionOption = None,
     as_json: JsonOption = False,

@@ -20,7 +20,7 @@ from cli.common import (
     say,
     say_empty,
 )
-from cli.engine import LOCAL, ClusterOption, engine, shared
+from cli.engine import LOCAL, ClusterOption, ProcessesOption, engine, shared
 
 
 class PackFormat(StrEnum):
@@ -44,7 +44,7 @@ def pack(
     shard_mb: Annotated[
         float, typer.Option(min=0.001, help="Pictures and maps in a shard of webdataset, megabytes.")
     ] = 1000,
-    workers: Annotated[int | None, typer.Option(min=1, max=1024, help="Processes; default: one per core.")] = None,
+    workers: ProcessesOption = None,
     cluster: ClusterOption = LOCAL,
     version: VersionOption = None,
     as_json: JsonOption = False,

@@ -3,86 +3,47 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
+from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from appocc.bevmap import CLASSES, VEHICLE
-from appocc.checks import BoolArray, FloatArray, IntArray, check_distance
+from appocc.bevmap import CLASSES
+from appocc.checks import FloatArray, IntArray
 from appocc.errors import DataError
+from appocc.evaluation.bev_frames import EvaluationConfig, FrameComparison, FrameResult, FrameScore, frame_inputs
 from appocc.evaluation.bootstrap import DRAWS, LEVEL, confidence_interval, resampled_median
 from appocc.evaluation.cells import (
     GROUPS,
     RINGS,
     RINGS_M,
     CellCounts,
-    cell_group_masks,
-    count_cells,
     ious,
+    known_values,
     l1_by_class,
+    mean_of_known,
     psnr,
     ratio,
     threshold_rows,
 )
-from appocc.evaluation.pairs import MapPair, check_maps_exist, read_map_pair
-from appocc.evaluation.vehicles import VehicleScore, score_vehicles, true_vehicles, visibility_levels
-from appocc.geometry import inverse
+from appocc.evaluation.pairs import check_maps_exist, read_map_pair
+from appocc.evaluation.vehicles import VehicleScore
 from appocc.nuscenes.dataset import Dataset
-from appocc.nuscenes.records import Sample, Scene
+from appocc.nuscenes.records import Scene
 from appocc.nuscenes.simulated import weather_of
 from appocc.probability_calibration import (
     ProbabilityHistogram,
     calibration_error,
-    histogram_of,
     reliability_table,
 )
+from appocc.workers import Engine, in_order
 
+__all__ = ["Evaluation", "EvaluationConfig", "FrameScore", "SceneScores", "evaluate"]
 
-@dataclass(frozen=True)
-class EvaluationConfig:
-    """Maps and cells to compare.
-
-    Attributes:
-        source: source of the evaluated maps.
-        against: source of the true maps.
-        ahead: whether only cells with x >= 0 count (the 180 degree setting).
-        range_m: largest distance of a cell centre from the ego origin; None: all cells.
-    """
-
-    source: str
-    against: str
-    ahead: bool = False
-    range_m: float | None = None
-
-    def __post_init__(self) -> None:
-        """Check the range.
-
-        Raises:
-            ShapeError: if it is not positive and finite.
-        """
-        check_distance("--range", self.range_m)
-
-
-class FrameScore(NamedTuple):
-    """Score of one sample.
-
-    Attributes:
-        token: token of the sample.
-        number: index of the sample in its scene.
-        iou: IoU by class at the map's thresholds, else at 0.5; NaN where neither map has a cell.
-    """
-
-    token: str
-    number: int
-    iou: Mapping[str, float]
-
-    @property
-    def mean_iou(self) -> float:
-        """Mean IoU of the classes that the frame has; NaN if it has none."""
-        return _mean(self.iou.values())
+_FRAMES_AT_ONCE = 4
 
 
 class SceneScores(NamedTuple):
@@ -208,11 +169,21 @@ class Evaluation:
 
 
 def evaluate(
-    dataset: Dataset, scenes: Sequence[Scene], config: EvaluationConfig, advance: Callable[[float], None]
+    dataset: Dataset,
+    scenes: Sequence[Scene],
+    config: EvaluationConfig,
+    advance: Callable[[float], None],
+    pool: Engine | None = None,
 ) -> Evaluation:
-    """Compare the maps of all samples, one sample at a time.
+    """Compare the maps of all samples, a few samples at a time.
 
-    `advance` is the progress callback with the number of new samples.
+    Args:
+        dataset: dataset of the scenes.
+        scenes: scenes to evaluate.
+        config: maps and cells to compare.
+        advance: progress callback with the number of new samples.
+        pool: where samples are compared. Sums are made here in the order of the samples: the result does not depend
+            on the pool.
 
     Raises:
         DataError: if there are no samples, or a map is missing, damaged or on another grid.
@@ -224,57 +195,35 @@ def evaluate(
         check_maps_exist(dataset.root, source, samples)
     first = read_map_pair(dataset.root, config.source, config.against, samples[0].token, config.ahead)
     kept = first.predicted.thresholds
-    scored = tuple(_score_scene(dataset, scene, config, kept, advance) for scene in scenes)
+    frames = (frame for scene in scenes for frame in frame_inputs(dataset, scene))
+    compared = in_order(pool, FrameComparison(dataset.root, config, kept), frames, _FRAMES_AT_ONCE)
+    scored = tuple(_sum_scene(dataset, scene, compared, len(threshold_rows(kept)), advance) for scene in scenes)
     return Evaluation(config, kept, tuple(scene for scene in scored if scene.samples))
 
 
-def _score_scene(
+def _sum_scene(
     dataset: Dataset,
     scene: Scene,
-    config: EvaluationConfig,
-    kept: Mapping[str, float] | None,
+    compared: Iterator[FrameResult],
+    thresholds: int,
     advance: Callable[[float], None],
 ) -> SceneScores:
-    thresholds = threshold_rows(kept)
-    counts, vehicles, frames = CellCounts.zeros(len(thresholds)), [], []
+    """Take the results of a scene's samples from those of all scenes, and add them up."""
+    counts, vehicles, frames = CellCounts.zeros(thresholds), list[VehicleScore](), list[FrameScore]()
     probabilities = (ProbabilityHistogram.zeros(),) * len(CLASSES)
-    samples = dataset.samples(scene)
-    annotated = dataset.annotated(scene)
-    for number, sample in enumerate(samples):
-        pair = read_map_pair(dataset.root, config.source, config.against, sample.token, config.ahead)
-        if pair.predicted.thresholds != kept:
-            raise DataError(f"{config.source}: expected maps of one model, got other thresholds in {sample.token}")
-        grid = pair.truth.grid
-        within = np.linalg.norm(grid.centres(), axis=-1) <= (config.range_m or np.inf)
-        masks = cell_group_masks(grid, within, pair.seen)
-        own = count_cells(pair.predicted, pair.truth, masks, thresholds)
-        counts = counts.plus(own)
-        frames.append(FrameScore(sample.token, number, ious(own.overlap[-1, 0])))
-        probabilities = _added(probabilities, _histograms(pair, within))
-        boxes = _boxes(dataset, sample) if pair.instance is None and annotated else None
-        true = true_vehicles(pair.truth, pair.instance, boxes)
-        levels = visibility_levels(dataset, sample)
-        vehicles += score_vehicles(pair.predicted, pair.truth, true, within, float(thresholds[-1, VEHICLE]), levels)
+    for result in islice(compared, len(dataset.samples(scene))):
+        counts = counts.plus(result.counts)
+        probabilities = _added(probabilities, result.probabilities)
+        vehicles += result.vehicles
+        frames.append(result.score)
         advance(1)
-    return SceneScores(scene.name, weather_of(scene), len(samples), counts, probabilities, vehicles, frames)
-
-
-def _histograms(pair: MapPair, within: BoolArray) -> tuple[ProbabilityHistogram, ...]:
-    """Return the histogram of each class over the cells of a mask (X, Y) that are valid in both maps."""
-    valid = pair.predicted.occupancy_valid & pair.truth.occupancy_valid & within
-    on = pair.truth.occupancy >= 0.5
-    return tuple(histogram_of(pair.predicted.occupancy[c][valid[c]], on[c][valid[c]]) for c in range(len(CLASSES)))
+    return SceneScores(scene.name, weather_of(scene), len(frames), counts, probabilities, vehicles, frames)
 
 
 def _added(
     one: tuple[ProbabilityHistogram, ...], other: tuple[ProbabilityHistogram, ...]
 ) -> tuple[ProbabilityHistogram, ...]:
     return tuple(a.plus(b) for a, b in zip(one, other, strict=True))
-
-
-def _boxes(dataset: Dataset, sample: Sample) -> Any:
-    """Return the annotated boxes of a sample in its ego frame."""
-    return dataset.boxes_world(sample).transformed(inverse(dataset.world_from_ego(sample)))
 
 
 def _vehicles(scores: Iterable[VehicleScore]) -> dict[str, Any]:
@@ -285,25 +234,15 @@ def _vehicles(scores: Iterable[VehicleScore]) -> dict[str, Any]:
         "count": len(rows),
         "detected": len(detected),
         "detected_share": ratio(len(detected), len(rows)),
-        "cells_found": _mean(score.cell_recall for score in rows),
-        "appearance_l1": _mean(score.colour_l1 for score in rows),
+        "cells_found": mean_of_known(score.cell_recall for score in rows),
+        "appearance_l1": mean_of_known(score.colour_l1 for score in rows),
         "ciede2000_median": _median(score.delta_e for score in rows),
         "ciede2000_median_detected": _median(score.delta_e for score in detected),
     }
 
 
-def _known(values: Iterable[float]) -> FloatArray:
-    array = np.array(list(values), dtype=np.float64)
-    return array[np.isfinite(array)]
-
-
-def _mean(values: Iterable[float]) -> float:
-    known = _known(values)
-    return float(known.mean()) if len(known) else float("nan")
-
-
 def _median(values: Iterable[float]) -> float:
-    known = _known(values)
+    known = known_values(values)
     return float(np.median(known)) if len(known) else float("nan")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -117,6 +117,18 @@ def psnr(squared: FloatArray) -> float:
 def ratio(part: float, whole: float) -> float:
     """Return part / whole; NaN if `whole` is 0."""
     return float(part / whole) if whole else float("nan")
+
+
+def mean_of_known(values: Iterable[float]) -> float:
+    """Return the mean of the finite values; NaN without any."""
+    known = known_values(values)
+    return float(known.mean()) if len(known) else float("nan")
+
+
+def known_values(values: Iterable[float]) -> FloatArray:
+    """Return the finite values."""
+    array = np.array(list(values), dtype=np.float64)
+    return array[np.isfinite(array)]
 
 
 def threshold_rows(kept: Mapping[str, float] | None) -> FloatArray:
