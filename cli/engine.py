@@ -29,6 +29,17 @@ ProcessesOption = Annotated[
 ]
 
 
+# Key frames for which a process is worth its start, in jobs of milliseconds a frame.
+_FRAMES_A_PROCESS = 50
+
+
+def processes(workers: int | None, frames: int) -> int:
+    """Return how many processes take part in a job of milliseconds a key frame: as wanted, else what is worth it."""
+    from appocc.environment import cores
+
+    return workers or max(1, min(cores(), frames // _FRAMES_A_PROCESS))
+
+
 def shared(cluster: str, path: Path) -> Path:
     """Return a path as all workers of a cluster can read it: absolute."""
     return path if cluster == LOCAL else path.absolute()

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from cli.common import JsonOption, RootArgument, VersionOption, emit, progress, say, wide_console
-from cli.engine import LOCAL, ClusterOption, ProcessesOption, engine, shared
+from cli.engine import LOCAL, ClusterOption, ProcessesOption, engine, processes, shared
 from cli.eval_detections import detections
 from cli.eval_parses import parses
 from cli.eval_tracks import tracks
@@ -55,7 +55,6 @@ def bev(
     Example: appocc eval bev ROOT --bev groundtruth --against exact
     """
     from appocc.bevmap import bev_folder
-    from appocc.environment import cores
     from appocc.evaluation.bev import EvaluationConfig, evaluate
     from appocc.nuscenes import Dataset
 
@@ -67,7 +66,7 @@ def bev(
     question = EvaluationConfig(source, against.value, setting is GridSetting.ahead, range_m)
     total = sum(len(dataset.samples(one)) for one in scenes)
     with (
-        engine(cluster, workers or cores(), root, writes=False) as pool,
+        engine(cluster, processes(workers, total), root, writes=False) as pool,
         progress("comparing", total) as advance,
     ):
         answer = evaluate(dataset, scenes, question, advance, pool).as_json()

@@ -172,6 +172,20 @@ def track_samples(
     )
 
 
+class SceneFrames(NamedTuple):
+    """A scene to track, with what the tables tell of it: workers read no tables.
+
+    Attributes:
+        scene: name of the scene.
+        samples: T key frames.
+        world_from_ego: (T, 4, 4) ego poses.
+    """
+
+    scene: str
+    samples: tuple[Sample, ...]
+    world_from_ego: FloatArray
+
+
 def track_scene(
     dataset: Dataset,
     scene: Scene,
@@ -183,11 +197,39 @@ def track_scene(
     smoothing: bool = False,
     advance: Callable[[int], None] = _ignore,
 ) -> SceneTracks:
+    """Track the objects of a scene's maps, see `track_maps`.
+
+    Raises:
+        DataError: if the scene has no key frames or two with the same time, or a map is missing or damaged.
+    """
+    return track_maps(
+        dataset.root,
+        SceneFrames(scene.name, *read_key_frames(dataset, scene)),
+        source,
+        tracker=tracker,
+        instance_config=instance_config,
+        trust_unseen=trust_unseen,
+        smoothing=smoothing,
+        advance=advance,
+    )
+
+
+def track_maps(
+    root: Path,
+    frames: SceneFrames,
+    source: str,
+    *,
+    tracker: Tracker | None = None,
+    instance_config: InstanceConfig | None = None,
+    trust_unseen: bool = False,
+    smoothing: bool = False,
+    advance: Callable[[int], None] = _ignore,
+) -> SceneTracks:
     """Track the objects of a scene's maps, or the vehicle instances of maps without objects.
 
     Args:
-        dataset: dataset of the scene.
-        scene: scene to track.
+        root: dataset of the scene.
+        frames: scene to track.
         source: source of the maps, see `load_map`.
         tracker: new tracker; by default with the configuration OBJECTS if the first map has objects, else MAPS.
         instance_config: configuration of the instance segmentation.
@@ -196,26 +238,25 @@ def track_scene(
         advance: called with 1 after each key frame.
 
     Raises:
-        DataError: if the scene has no key frames or two with the same time, or a map is missing or damaged.
+        DataError: if a map is missing or damaged.
     """
-    samples, poses = read_key_frames(dataset, scene)
     if tracker is None:
-        first = load_map(dataset.root, source, samples[0].token)
+        first = load_map(root, source, frames.samples[0].token)
         tracker = Tracker(MAPS if first.objects is None else OBJECTS)
     objects: list[BEVObjects | None] = []
     true_maps: list[bool] = []
 
     def read_detections() -> Iterator[Detections]:
-        for sample in samples:
-            bev = load_map(dataset.root, source, sample.token)
+        for sample in frames.samples:
+            bev = load_map(root, source, sample.token)
             true_maps.append(bev.is_truth)
             bev = bev.with_guesses() if trust_unseen else bev
             objects.append(bev.known_objects)
             yield Detections.from_bev(bev, instance_config)
 
-    tracks = track_samples(samples, poses, read_detections(), tracker, advance)
+    tracks = track_samples(frames.samples, frames.world_from_ego, read_detections(), tracker, advance)
     voted = vote_classes(tracks, objects)
-    result = SceneTracks(scene.name, source, samples, poses, voted, on_truth=all(true_maps))
+    result = SceneTracks(frames.scene, source, frames.samples, frames.world_from_ego, voted, on_truth=all(true_maps))
     return result.smoothed(tracker.config.lifecycle.motion) if smoothing else result
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,8 @@ import numpy as np
 from appocc.boxes import Boxes, is_person_or_bicycle
 from appocc.checks import FloatArray
 from appocc.files import write_json
-from appocc.nuscenes import Dataset
-from tracking.evaluation.clear_id_hota import Metrics, evaluate
+from appocc.nuscenes import Dataset, Sample
+from tracking.evaluation.clear_id_hota import MetricCounts, Metrics, count
 from tracking.evaluation.frames import GATE_M, EvaluationFrame
 from tracking.pipeline import SceneTracks, write_tracks
 from tracking.tracks import Track
@@ -21,21 +21,44 @@ from tracking.tracks import Track
 RANGE_M = 40.0
 # Minimum extent of a moving object's centres over the scene; annotations of parked objects jitter by less.
 MOVING_SPAN_M = 2.0
+# Names of the metrics: of all vehicles, of those that move in the scene, and of the others.
+KINDS = ("metrics", "metrics_moving", "metrics_parked")
 
 
 def score_scene(dataset: Dataset, result: SceneTracks) -> dict[str, Metrics] | None:
-    """Return metrics of all, moving and parked vehicles; None if the scene has no annotations.
+    """Return metrics of all, moving and parked vehicles, see `count_scene`; None if the scene has no annotations."""
+    counts = count_scene(result, read_truths(dataset, result.scene, result.samples))
+    return None if counts is None else metrics_of(counts)
+
+
+def metrics_of(counts: Mapping[str, MetricCounts]) -> dict[str, Metrics]:
+    """Return the metrics of each kind of vehicles from their counts."""
+    return {name: each.metrics() for name, each in counts.items()}
+
+
+def read_truths(dataset: Dataset, scene: str, samples: Iterable[Sample]) -> tuple[Boxes, ...] | None:
+    """Return the annotated vehicles of some key frames of a scene; None if it has no annotations.
+
+    Raises:
+        DataError: if an annotation is damaged.
+    """
+    if not dataset.annotated(dataset.scene(scene)):
+        return None
+    return tuple(dataset.boxes_world(sample).vehicles() for sample in samples)
+
+
+def count_scene(result: SceneTracks, truths: Sequence[Boxes] | None) -> dict[str, MetricCounts] | None:
+    """Return what the metrics of all, moving and parked vehicles are computed from; None without annotations.
 
     Annotated vehicles whose centres are within RANGE_M of the ego on the ground are required. Others are ignored,
     also parked vehicles in the metrics of moving ones and vice versa, and so are unmatched tracks beyond the range.
     """
-    if not dataset.annotated(dataset.scene(result.scene)):
+    if truths is None:
         return None
-    truths = [dataset.boxes_world(sample).vehicles() for sample in result.samples]
     moving = moving_instances(truths)
-    kinds = {"metrics": None, "metrics_moving": True, "metrics_parked": False}
+    kinds = dict(zip(KINDS, (None, True, False), strict=True))
     vehicles = replace(result, tracks=tuple(tuple(filter(_is_vehicle, states)) for states in result.tracks))
-    return {name: evaluate(_evaluation_frames(vehicles, truths, moving, kind)) for name, kind in kinds.items()}
+    return {name: count(_evaluation_frames(vehicles, truths, moving, kind)) for name, kind in kinds.items()}
 
 
 def _is_vehicle(track: Track) -> bool:
