@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from cli.common import JsonOption, RootArgument, VersionOption, emit, in_path, progress, say, wide_console
+from cli.engine import LOCAL, ClusterOption, ProcessesOption, engine, processes, shared
 
 
 def detections(
@@ -23,6 +24,8 @@ def detections(
         typer.Option("--range", min=0.1, help="Upper limit of the ranges of 40 and 50 m by class, in metres."),
     ] = None,
     scene: Annotated[str | None, typer.Option(help="Only this scene.")] = None,
+    workers: ProcessesOption = None,
+    cluster: ClusterOption = LOCAL,
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -42,11 +45,16 @@ def detections(
 
     if (file is None) == (source is None):
         raise DataError(f"expected either --detections or --bev, got {'neither' if file is None else 'both'}")
+    root = shared(cluster, root)
     dataset = Dataset(root, version)
     scenes = [dataset.scene(scene)] if scene else list(dataset.scenes)
     config = DetectionEvaluationConfig(file or str(source), true_map_source(root), range_m)
-    with progress("comparing", sum(len(dataset.samples(one)) for one in scenes)) as advance:
-        answer = evaluate_detections(dataset, scenes, config, advance).as_json()
+    total = sum(len(dataset.samples(one)) for one in scenes)
+    with (
+        engine(cluster, processes(workers, total), root, writes=False) as pool,
+        progress("comparing", total) as advance,
+    ):
+        answer = evaluate_detections(dataset, scenes, config, advance, pool).as_json()
     if as_json:
         emit(answer)
     _show(answer)

@@ -29,7 +29,7 @@ from appocc.evaluation.cells import (
     ratio,
     threshold_rows,
 )
-from appocc.evaluation.pairs import check_maps_exist, read_map_pair
+from appocc.evaluation.pairs import FRAMES_AT_ONCE, check_maps_exist, read_map_pair
 from appocc.evaluation.vehicles import VehicleScore
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Scene
@@ -42,8 +42,6 @@ from appocc.probability_calibration import (
 from appocc.workers import Engine, in_order
 
 __all__ = ["Evaluation", "EvaluationConfig", "FrameScore", "SceneScores", "evaluate"]
-
-_FRAMES_AT_ONCE = 4
 
 
 class SceneScores(NamedTuple):
@@ -196,7 +194,7 @@ def evaluate(
     first = read_map_pair(dataset.root, config.source, config.against, samples[0].token, config.ahead)
     kept = first.predicted.thresholds
     frames = (frame for scene in scenes for frame in frame_inputs(dataset, scene))
-    compared = in_order(pool, FrameComparison(dataset.root, config, kept), frames, _FRAMES_AT_ONCE)
+    compared = in_order(pool, FrameComparison(dataset.root, config, kept), frames, FRAMES_AT_ONCE)
     scored = tuple(_sum_scene(dataset, scene, compared, len(threshold_rows(kept)), advance) for scene in scenes)
     return Evaluation(config, kept, tuple(scene for scene in scored if scene.samples))
 

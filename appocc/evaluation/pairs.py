@@ -16,6 +16,9 @@ from appocc.files.questions import files_there
 from appocc.grid import BEVGrid
 from appocc.nuscenes.records import Sample
 
+# Key frames in a job of a worker.
+FRAMES_AT_ONCE = 4
+
 
 class MapPair(NamedTuple):
     """Two maps on one grid.

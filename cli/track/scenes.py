@@ -65,6 +65,7 @@ def track_scene_command(
 
     Example: appocc track scene DATA --scene 002 --bev groundtruth --video tracks.webm
     """
+    from appocc.errors import DataError
     from appocc.nuscenes import Dataset
     from tracking.pipeline import track_scene
     from tracking.scene_jobs import SceneTracking
@@ -72,7 +73,10 @@ def track_scene_command(
     root, out = shared(cluster, root), out and shared(cluster, out)
     dataset = Dataset(root, version)
     every = [dataset.scene(name) for name in scene] if scene else list(dataset.scenes)
-    scenes = every if len(every) == 1 else [each for each in every if dataset.samples(each)]
+    scenes = [each for each in every if dataset.samples(each)]
+    if not scenes:
+        names = ", ".join(each.name for each in every[:6])
+        raise DataError(f"{root}: no key frames (scenes: {names or 'none'})")
     source = choose_source(root, bev)
     if video is not None:
         _check_video(video, scenes, cluster)

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from made_map import WHITE
-from made_objects import objects_of_boxes
-from made_scene import with_maps
+from made_scene import with_maps, with_objects
 from tiny_dataset import TinyDataset, token
 from typer.testing import CliRunner, Result
 
-from appocc.bevmap import bev_path, load_map
+from appocc.bevmap import load_map
 from appocc.errors import DataError
-from appocc.geometry import inverse
 from appocc.nuscenes.detection_results import result_boxes, write_results
 from cli.main import app
 
@@ -26,14 +21,12 @@ from cli.main import app
 def street(tiny: TinyDataset) -> TinyDataset:
     """The dataset with true maps, and with perfect objects in maps of a model and in a file of results."""
     dataset = with_maps(tiny)
+    with_objects(dataset)
     results = {}
     for sample in dataset.samples(dataset.scenes[0]):
-        pose = dataset.world_from_ego(sample)
-        boxes = dataset.boxes_world(sample).transformed(inverse(pose))
-        objects = objects_of_boxes(boxes, np.tile(np.array(WHITE, np.float64), (len(boxes), 1)))
-        bev = load_map(tiny.root, "groundtruth", sample.token)
-        replace(bev, objects=objects).save(bev_path(tiny.root, "model", sample.token))
-        results[sample.token] = result_boxes(objects, pose)
+        objects = load_map(tiny.root, "model", sample.token).objects
+        assert objects is not None
+        results[sample.token] = result_boxes(objects, dataset.world_from_ego(sample))
     write_results(tiny.root / "results.json", results)
     return tiny
 

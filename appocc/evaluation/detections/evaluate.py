@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from appocc.bevmap import bev_folder, bev_path, load_map
-from appocc.checks import check_distance
+from appocc.checks import FloatArray, check_distance
 from appocc.errors import DataError, ShapeError
 from appocc.evaluation.detections.benchmark import BenchmarkScores, score_benchmark
 from appocc.evaluation.detections.box_table import detected_boxes
 from appocc.evaluation.detections.truth import Truth, read_truth
 from appocc.evaluation.detections.vehicles import VehicleDetection, score_vehicle_detection
-from appocc.evaluation.pairs import check_maps_exist
+from appocc.evaluation.pairs import FRAMES_AT_ONCE, check_maps_exist
 from appocc.files import read_json
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.detection_results import MOST_PER_SAMPLE, ResultBox, read_boxes, result_boxes
 from appocc.nuscenes.records import Sample, Scene
+from appocc.workers import Engine, in_order
 
 
 @dataclass(frozen=True)
@@ -94,11 +96,20 @@ def true_map_source(root: Path) -> str | None:
 
 
 def evaluate_detections(
-    dataset: Dataset, scenes: Sequence[Scene], config: DetectionEvaluationConfig, advance: Callable[[float], None]
+    dataset: Dataset,
+    scenes: Sequence[Scene],
+    config: DetectionEvaluationConfig,
+    advance: Callable[[float], None],
+    pool: Engine | None = None,
 ) -> DetectionEvaluation:
     """Evaluate the detections of the annotated scenes among some scenes.
 
-    `advance` is the progress callback with the number of new samples.
+    Args:
+        dataset: dataset of the scenes.
+        scenes: scenes to evaluate.
+        config: detections to evaluate.
+        advance: progress callback with the number of new samples.
+        pool: where maps are read; the result does not depend on it.
 
     Raises:
         DataError: if no scene is annotated, a file is missing or damaged or lacks a sample, or a map has no objects.
@@ -109,8 +120,8 @@ def evaluate_detections(
         raise DataError(f"{dataset.root}: no annotated key frames to compare with")
     if config.against is not None:
         check_maps_exist(dataset.root, config.against, samples)
-    truth = read_truth(dataset, samples, config.against, advance)
-    boxes = _read_detections(dataset, samples, config.source, truth)
+    truth = read_truth(dataset, samples, config.against, advance, pool)
+    boxes = _read_detections(dataset, samples, config.source, truth, pool)
     try:
         detected = detected_boxes(boxes, truth.world_from_ego, truth.racks)
     except ShapeError as error:
@@ -121,7 +132,7 @@ def evaluate_detections(
 
 
 def _read_detections(
-    dataset: Dataset, samples: Sequence[Sample], source: Path | str, truth: Truth
+    dataset: Dataset, samples: Sequence[Sample], source: Path | str, truth: Truth, pool: Engine | None
 ) -> list[list[ResultBox]]:
     if isinstance(source, Path):
         boxes = read_boxes(source, read_json(source), [sample.token for sample in samples])
@@ -130,11 +141,14 @@ def _read_detections(
             raise DataError(f"{source}: expected at most {MOST_PER_SAMPLE} boxes a sample, got {most}")
         return boxes
     check_maps_exist(dataset.root, source, list(samples))
-    boxes = []
-    for sample, pose in zip(samples, truth.world_from_ego, strict=True):
-        objects = load_map(dataset.root, source, sample.token).known_objects
-        if objects is None:
-            path = bev_path(dataset.root, source, sample.token)
-            raise DataError(f"{path}: expected a map with objects, got one without")
-        boxes.append(result_boxes(objects, pose))
-    return boxes
+    inputs = zip((sample.token for sample in samples), truth.world_from_ego, strict=True)
+    return list(in_order(pool, partial(_map_boxes, root=dataset.root, source=source), inputs, FRAMES_AT_ONCE))
+
+
+def _map_boxes(wanted: tuple[str, FloatArray], root: Path, source: str) -> list[ResultBox]:
+    """Return the objects of a map as results; `wanted` is the token of its sample with the ego pose."""
+    token, world_from_ego = wanted
+    objects = load_map(root, source, token).known_objects
+    if objects is None:
+        raise DataError(f"{bev_path(root, source, token)}: expected a map with objects, got one without")
+    return result_boxes(objects, world_from_ego)

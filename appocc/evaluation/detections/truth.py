@@ -4,22 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from appocc.bevmap import BEVMap
 from appocc.boxes import Boxes, is_vehicle
 from appocc.checks import FloatArray, IntArray
 from appocc.colours import Exposure, exposure_of
 from appocc.evaluation.detections.box_table import BoxTable, ego_distance_m, in_rack
-from appocc.evaluation.pairs import read_map_pair
+from appocc.evaluation.pairs import FRAMES_AT_ONCE, read_map_pair
 from appocc.evaluation.vehicles import true_vehicles
 from appocc.geometry import inverse
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Sample
+from appocc.workers import Engine, in_order
 
 # Classes of the benchmark by category; the other categories have none.
 _KINDS = {
@@ -58,28 +59,43 @@ class Truth(NamedTuple):
 
 
 def read_truth(
-    dataset: Dataset, samples: Sequence[Sample], against: str | None, advance: Callable[[float], None]
+    dataset: Dataset,
+    samples: Sequence[Sample],
+    against: str | None,
+    advance: Callable[[float], None],
+    pool: Engine | None = None,
 ) -> Truth:
     """Read the annotations of at least one key frame; with the colours of vehicles if a source of true maps is given.
 
-    `advance` is the progress callback with the number of new samples.
+    Args:
+        dataset: dataset of the key frames.
+        samples: key frames.
+        against: source of the true maps; None: no colours.
+        advance: progress callback with the number of new samples.
+        pool: where true maps are read; the result does not depend on it.
 
     Raises:
         DataError: if an annotation, a pose or a map is damaged, or a map is missing.
     """
-    parts, poses, racks, light = [], [], [], []
-    for number, sample in enumerate(samples):
-        boxes, pose = dataset.boxes_world(sample), dataset.world_from_ego(sample)
-        rack = boxes.select(np.array([name == _RACK for name in boxes.category], np.bool_))
-        part = _annotated(dataset, sample, boxes, pose, rack, number)
-        if against is not None:
-            bev, rgb = _true_colours(dataset.root, against, sample, boxes, pose)
-            part = replace(part, rgb=rgb)
-            light.append(exposure_of(bev, rgb))
-        parts.append(part)
-        poses.append(pose)
-        racks.append(rack)
-        advance(1)
+    parts, racks = list[BoxTable](), list[Boxes]()
+    poses = [dataset.world_from_ego(sample) for sample in samples]
+    for number, (sample, pose) in enumerate(zip(samples, poses, strict=True)):
+        boxes = dataset.boxes_world(sample)
+        racks.append(boxes.select(np.array([name == _RACK for name in boxes.category], np.bool_)))
+        parts.append(_annotated(dataset, sample, boxes, pose, racks[-1], number))
+        if against is None:
+            advance(1)
+    light = []
+    if against is not None:
+        inputs = (
+            (sample.token, dataset.boxes_world(sample).transformed(inverse(pose)))
+            for sample, pose in zip(samples, poses, strict=True)
+        )
+        read = partial(_true_colours, root=dataset.root, against=against)
+        for number, (rgb, exposure) in enumerate(in_order(pool, read, inputs, FRAMES_AT_ONCE)):
+            parts[number] = replace(parts[number], rgb=rgb)
+            light.append(exposure)
+            advance(1)
     return Truth(BoxTable.concatenated(parts), np.stack(poses), tuple(racks), tuple(light))
 
 
@@ -116,17 +132,19 @@ def _attributes(dataset: Dataset, rows: IntArray) -> NDArray[np.str_]:
     return np.array([names.get(some[0], "") if len(some) == 1 else "" for some in own], np.str_)
 
 
-def _true_colours(
-    root: Path, against: str, sample: Sample, boxes: Boxes, pose: FloatArray
-) -> tuple[BEVMap, FloatArray]:
-    """Return the true map and the median colour (N, 3) of the cells of each box in it; NaN if no cell is known."""
-    pair = read_map_pair(root, against, against, sample.token, ahead=False)
-    vehicles = true_vehicles(pair.truth, pair.instance, boxes.transformed(inverse(pose)))
+def _true_colours(wanted: tuple[str, Boxes], root: Path, against: str) -> tuple[FloatArray, Exposure]:
+    """Return the median colour (N, 3) of the cells of each box in the true map, and the map's exposure.
+
+    Colours are NaN if no cell is known. `wanted` is the token of a sample with its annotated boxes in the ego frame.
+    """
+    token, boxes_ego = wanted
+    pair = read_map_pair(root, against, against, token, ahead=False)
+    vehicles = true_vehicles(pair.truth, pair.instance, boxes_ego)
     number = {name: i for i, name in enumerate(vehicles.instance)}
-    rgb = np.full((len(boxes), 3), np.nan)
+    rgb = np.full((len(boxes_ego), 3), np.nan)
     owner = np.where(pair.truth.appearance_valid, vehicles.owner, -1)
     present = set(np.unique(owner).tolist())
-    for i, name in enumerate(boxes.instance):
+    for i, name in enumerate(boxes_ego.instance):
         if number.get(name, -1) in present - {-1}:
             rgb[i] = np.median(pair.truth.appearance[:, owner == number[name]], axis=1)
-    return pair.truth, rgb
+    return rgb, exposure_of(pair.truth, rgb)

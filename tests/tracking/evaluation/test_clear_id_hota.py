@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import tracemalloc
 import warnings
 from dataclasses import replace
 
@@ -8,7 +9,7 @@ import pytest
 
 from appocc.errors import ShapeError
 from tracking.evaluation.clear import clear_counts
-from tracking.evaluation.clear_id_hota import Metrics, evaluate, evaluate_distances
+from tracking.evaluation.clear_id_hota import Metrics, count, evaluate, evaluate_distances
 from tracking.evaluation.frames import (
     GATE_M,
     IOU_RULE,
@@ -58,6 +59,34 @@ def test_every_kind_of_error_counts_once() -> None:
     # Object 1 keeps its track for 4 frames; object 2 is given 6 or 9 for one frame: 5 of 7 + 7.
     assert pytest.approx(10 / 14) == scores.IDF1
     assert (scores.MT, scores.ML) == (1, 0)
+
+
+def test_recordings_are_pooled_by_their_counts_in_little_memory() -> None:
+    """Tables of all objects, tracks and thresholds of these recordings would take 137 MB."""
+    rng = np.random.default_rng(3)
+
+    def recording(number: int) -> list[EvaluationFrame]:
+        ids, tracks = range(3 * number, 3 * number + 3), rng.permuted(np.arange(3 * number, 3 * number + 3))
+        steps = rng.normal(0, 0.9, (4, 3, 2))
+        return [
+            moment(
+                {i: (20.0 * k, t) for k, i in enumerate(ids)},
+                {int(i): (20.0 * k + step[k, 0], t + step[k, 1]) for k, i in enumerate(tracks) if k or t != 2},
+            )
+            for t, step in enumerate(steps)
+        ]
+
+    recordings = [recording(number) for number in range(320)]
+    tracemalloc.start()
+    together = evaluate([frame for frames in recordings for frame in frames])
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 30e6
+    assert 0 < together.MOTA < 1
+    counts = count(recordings[0])
+    for frames in recordings[1:]:
+        counts = counts.plus(count(frames))
+    assert counts.metrics() == together
 
 
 @pytest.mark.parametrize(("found", "mostly"), [(5, (1, 0)), (4, (1, 0)), (3, (0, 0)), (1, (0, 0)), (0, (0, 1))])

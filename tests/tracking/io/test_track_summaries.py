@@ -29,6 +29,13 @@ def test_a_vehicle_that_drives() -> None:
     assert one.moves
 
 
+def test_the_top_speed_of_a_track_of_two_frames_is_one_of_its_own() -> None:
+    """A median filter that reads beyond the speeds gives others."""
+    for i in range(200):
+        (one,) = summarise_tracks([0, 1], [[at(0.0, speed_mps=4.0 + i)], [at(9.0, speed_mps=5.0 + i)]])
+        assert one.top_speed_mps == 5.0 + i
+
+
 def test_a_parked_vehicle_has_no_path_however_long_it_jitters() -> None:
     offsets = np.random.default_rng(1).normal(0, 0.3, 500)
     moments = [[at(float(offset), speed_mps=0.4)] for offset in offsets]
