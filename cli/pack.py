@@ -64,12 +64,13 @@ def pack(
     dataset = Dataset(root, version)
     scenes = [dataset.scene(name) for name in scene] if scene else list(dataset.scenes)
     source = PackSource(dataset, scenes, choose_source(root, bev))
-    total = len(source.samples())
+    key_frames = source.key_frames()
+    total = len(key_frames)
     with engine(cluster, workers or cores(), out.parent) as pool, progress("packing", total) as advance:
         if format_ is PackFormat.webdataset:
-            written = pack_webdataset(source, out, round(shard_mb * 1e6), pool, advance)
+            written = pack_webdataset(source, key_frames, out, round(shard_mb * 1e6), pool, advance)
         else:
-            written = [pack_panoptic(source, out, pool, advance)]
+            written = [pack_panoptic(source, key_frames, out, pool, advance)]
     say_empty(dataset, scenes)
     if as_json:
         emit({"folder": str(out), "samples": total, "files": [path.name for path in written]})

@@ -115,8 +115,8 @@ def test_worker_and_node_are_lost_and_the_bytes_are_the_same(
             dask.add_worker("--no-nanny")
 
     with connected_to(dask, tmp_path, 2) as cluster:
-        pack_webdataset(source, tmp_path / "there", 1, Slowly(cluster), advance)
-    pack_webdataset(source, tmp_path / "here", 1, None, lambda count: None)
+        pack_webdataset(source, source.key_frames(), tmp_path / "there", 1, Slowly(cluster), advance)
+    pack_webdataset(source, source.key_frames(), tmp_path / "here", 1, None, lambda count: None)
     assert not lost
     assert sum(done) == 3  # the progress bar counts a frame once, whoever computed it
     assert contents(tmp_path / "there") == contents(tmp_path / "here")
@@ -134,11 +134,11 @@ def test_ctrl_c_leaves_finished_parts_and_the_same_call_resumes(
 
     with connected_to(dask, tmp_path, 1) as cluster:
         with pytest.raises(KeyboardInterrupt):
-            pack_webdataset(source, tmp_path / "there", 1, Slowly(cluster), interrupt)
+            pack_webdataset(source, source.key_frames(), tmp_path / "there", 1, Slowly(cluster), interrupt)
         assert not (tmp_path / "there").exists()
-        pack_webdataset(source, tmp_path / "there", 1, cluster, done.append)
+        pack_webdataset(source, source.key_frames(), tmp_path / "there", 1, cluster, done.append)
     assert done[0] >= 1  # kept
-    pack_webdataset(source, tmp_path / "here", 1, None, lambda count: None)
+    pack_webdataset(source, source.key_frames(), tmp_path / "here", 1, None, lambda count: None)
     assert contents(tmp_path / "there") == contents(tmp_path / "here")
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from appocc.checks import BoolArray, IntArray
 from appocc.errors import DataError
 from appocc.files import read_file, read_json, write_image, write_json, zip_arrays
 from appocc.nuscenes.assembly import Assembly
-from appocc.packing.frames import PackedFrame, PackSource
+from appocc.packing.frames import KeyFrame, PackedFrame, PackSource
 from appocc.rasterise import vehicle_owner
 from appocc.visualization.canvas import CLASS_COLOURS, shown_appearance, to_image_axes
 from appocc.workers import Engine, in_order
@@ -60,14 +61,21 @@ class _SceneWriter:
         return len(frames)
 
 
-def pack_panoptic(source: PackSource, out: Path, pool: Engine | None, advance: Callable[[float], None]) -> Path:
+def pack_panoptic(
+    source: PackSource,
+    key_frames: Sequence[KeyFrame],
+    out: Path,
+    pool: Engine | None,
+    advance: Callable[[float], None],
+) -> Path:
     """Write the maps of a source as COCO panoptic segmentation, and return the path of the JSON file.
 
     `images/SCENE-0000.png` shows the colours of a map, `panoptic/SCENE-0000.png` has its segments, in image axes
     (forward up, left to the left). Finished scenes are kept when it is interrupted, and the same call resumes.
 
     Args:
-        source: key frames and their maps.
+        source: dataset and maps.
+        key_frames: all key frames of the source.
         out: new folder, `resolved`; or one of the same pack, which is kept.
         pool: where the scenes are written; the result does not depend on it.
         advance: progress callback in key frames.
@@ -75,12 +83,12 @@ def pack_panoptic(source: PackSource, out: Path, pool: Engine | None, advance: C
     Raises:
         DataError: if a map is missing or damaged, or `out` holds something else or cannot be written.
     """
-    assembly = Assembly(out, "", SETTINGS_FILE, {"format": FORMAT, **source.as_json()}, "pack")
+    assembly = Assembly(out, "", SETTINGS_FILE, {"format": FORMAT, **source.as_json(key_frames)}, "pack")
     if not assembly.is_finished():
         with assembly.opened():
-            scenes = Counter(scene.name for scene, _ in source.samples())
+            scenes = Counter(each.scene.name for each in key_frames)
             advance(sum(count for name, count in scenes.items() if assembly.has(name)))
-            for count in in_order(pool, _SceneWriter(assembly), _missing_scenes(source, assembly)):
+            for count in in_order(pool, _SceneWriter(assembly), _missing_scenes(source, key_frames, assembly)):
                 advance(count)
             shared = assembly.work / "shared"
             parts = [part for scene in scenes for part in read_json(assembly.place(scene) / _PART)]
@@ -89,11 +97,12 @@ def pack_panoptic(source: PackSource, out: Path, pool: Engine | None, advance: C
     return out / _JSON
 
 
-def _missing_scenes(source: PackSource, assembly: Assembly) -> Iterator[list[PackedFrame]]:
-    for scene in source.scenes:
-        samples = source.dataset.samples(scene)
-        if samples and not assembly.has(scene.name):
-            yield [source.frame(scene, sample) for sample in samples]
+def _missing_scenes(
+    source: PackSource, key_frames: Sequence[KeyFrame], assembly: Assembly
+) -> Iterator[list[PackedFrame]]:
+    for name, members in groupby(key_frames, key=lambda each: each.scene.name):
+        if not assembly.has(name):
+            yield [source.frame(each) for each in members]
 
 
 def _merged(parts: Sequence[dict[str, Any]]) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from appocc.bevmap import bev_path, load_map
 from appocc.boxes import Boxes
@@ -46,6 +46,14 @@ class PackedFrame:
     boxes_ego: Boxes | None
 
 
+class KeyFrame(NamedTuple):
+    """A key frame of a source, with its title: SCENE-0000."""
+
+    title: str
+    scene: Scene
+    sample: Sample
+
+
 @dataclass(frozen=True, eq=False)
 class PackSource:
     """The key frames of scenes with the maps of one source.
@@ -60,21 +68,26 @@ class PackSource:
     scenes: Sequence[Scene]
     source: str
 
-    def samples(self) -> list[tuple[Scene, Sample]]:
-        """Return all key frames in order.
+    def key_frames(self) -> list[KeyFrame]:
+        """Return all key frames in order; each has a map at this time.
 
         Raises:
             DataError: if there are none, one has no map, or two scenes have the same name.
         """
-        found = [(scene, sample) for scene in self.scenes for sample in self.dataset.samples(scene)]
+        found = [
+            KeyFrame(titles[sample.token], scene, sample)
+            for scene in self.scenes
+            for titles in [self.dataset.titles(scene)]
+            for sample in self.dataset.samples(scene)
+        ]
         if not found:
             raise DataError(f"{self.dataset.root}: no key frames to pack")
         names = [scene.name for scene in self.scenes]
         if len(set(names)) != len(names):
             raise DataError(f"{self.dataset.root}: expected scenes of different names")
-        for _, sample in found:
-            if not self.map_path(sample).is_file():
-                load_map(self.dataset.root, self.source, sample.token)  # raises with the command that makes maps
+        for each in found:
+            if not self.map_path(each.sample).is_file():
+                load_map(self.dataset.root, self.source, each.sample.token)  # raises with the command that makes maps
         return found
 
     def map_path(self, sample: Sample) -> Path:
@@ -90,15 +103,16 @@ class PackSource:
         files = self.dataset.data(sample).items()
         return {channel: self.dataset.path(data) for channel, data in files if data.modality == "camera"}
 
-    def frame(self, scene: Scene, sample: Sample) -> PackedFrame:
+    def frame(self, key_frame: KeyFrame) -> PackedFrame:
         """Return a key frame for a worker; no picture is read.
 
         Raises:
             DataError: if a table entry cannot be true.
         """
+        title, scene, sample = key_frame
         frame = self.dataset.frame(sample, images=False)
         return PackedFrame(
-            title=self.dataset.titles(scene)[sample.token],
+            title=title,
             token=sample.token,
             scene=scene.name,
             location=self.dataset.location(scene),
@@ -110,9 +124,9 @@ class PackSource:
             boxes_ego=frame.boxes_ego,
         )
 
-    def as_json(self) -> dict[str, Any]:
-        """Return what determines the packed files, apart from the format."""
-        samples = [sample for _, sample in self.samples()]
+    def as_json(self, key_frames: Sequence[KeyFrame]) -> dict[str, Any]:
+        """Return what determines the packed files of its key frames, apart from the format."""
+        samples = [each.sample for each in key_frames]
         maps = [self.map_path(sample) for sample in samples]
         scenes = [scene.name for scene in self.scenes]
         return {"scenes": scenes, "source": self.source, **pack_parts(self.dataset, samples, maps)}

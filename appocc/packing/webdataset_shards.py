@@ -21,16 +21,11 @@ from appocc.boxes import Boxes
 from appocc.errors import DataError
 from appocc.files import read_file, read_picture_bytes
 from appocc.nuscenes.assembly import Assembly
-from appocc.nuscenes.records import Sample, Scene
-from appocc.packing.frames import PackedFrame, PackSource
+from appocc.packing.frames import KeyFrame, PackedFrame, PackSource
 from appocc.workers import Engine, in_order
 
 FORMAT = "webdataset"
 SETTINGS_FILE = ".pack.json"  # hidden: readers take every visible file for data
-
-
-# Number of a key frame, its scene and sample.
-_Member = tuple[int, Scene, Sample]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,14 +49,20 @@ class _ShardWriter:
 
 
 def pack_webdataset(
-    source: PackSource, out: Path, shard_bytes: int, pool: Engine | None, advance: Callable[[float], None]
+    source: PackSource,
+    key_frames: Sequence[KeyFrame],
+    out: Path,
+    shard_bytes: int,
+    pool: Engine | None,
+    advance: Callable[[float], None],
 ) -> list[Path]:
     """Write the key frames of a source as shards `shard-000000.tar`, and return their paths.
 
     The same inputs give the same bytes. Finished shards are kept when it is interrupted, and the same call resumes.
 
     Args:
-        source: key frames and their maps.
+        source: dataset and maps.
+        key_frames: all key frames of the source.
         out: new folder, `resolved`; or one of the same pack, which is kept.
         shard_bytes: limit of the pictures and maps in a shard; a larger sample has a shard of its own.
         pool: where the shards are written; the result does not depend on it.
@@ -70,15 +71,15 @@ def pack_webdataset(
     Raises:
         DataError: if a file is missing or damaged, or `out` holds something else or cannot be written.
     """
-    settings = {"format": FORMAT, "shard_bytes": shard_bytes, **source.as_json()}
+    settings = {"format": FORMAT, "shard_bytes": shard_bytes, **source.as_json(key_frames)}
     assembly = Assembly(out, "", SETTINGS_FILE, settings, "pack")
     if not assembly.is_finished():
         with assembly.opened():
-            shards = {f"shard-{i:06d}": members for i, members in enumerate(_plan(source, shard_bytes))}
+            shards = {f"shard-{i:06d}": members for i, members in enumerate(_plan(source, key_frames, shard_bytes))}
             kept = [name for name in shards if assembly.has(name)]
             advance(sum(len(shards[name]) for name in kept))
             missing = (
-                (name, [(number, source.frame(scene, sample)) for number, scene, sample in members])
+                (name, [(number, source.frame(each)) for number, each in members])
                 for name, members in shards.items()
                 if name not in kept
             )
@@ -88,16 +89,18 @@ def pack_webdataset(
     return sorted(out.glob("*.tar"))
 
 
-def _plan(source: PackSource, shard_bytes: int) -> Iterator[list[_Member]]:
-    """Yield the key frames of each shard; the sizes of the files decide, so that none is read."""
-    members: list[_Member] = []
+def _plan(
+    source: PackSource, key_frames: Sequence[KeyFrame], shard_bytes: int
+) -> Iterator[list[tuple[int, KeyFrame]]]:
+    """Yield the key frames of each shard, numbered; the sizes of the files decide, so that none is read."""
+    members: list[tuple[int, KeyFrame]] = []
     size = 0
-    for number, (scene, sample) in enumerate(source.samples()):
-        own = sum(map(_size, [*source.picture_paths(sample).values(), source.map_path(sample)]))
+    for number, each in enumerate(key_frames):
+        own = sum(map(_size, [*source.picture_paths(each.sample).values(), source.map_path(each.sample)]))
         if members and size + own > shard_bytes:
             yield members
             members, size = [], 0
-        members.append((number, scene, sample))
+        members.append((number, each))
         size += own
     yield members
 

@@ -18,7 +18,7 @@ from appocc.packing.frames import PackSource
 
 
 def pack(source: PackSource, out: Path) -> dict[str, Any]:
-    path = pack_panoptic(source, out, None, lambda count: None)
+    path = pack_panoptic(source, source.key_frames(), out, None, lambda count: None)
     value: dict[str, Any] = json.loads(path.read_text())
     return value
 
@@ -99,7 +99,7 @@ def test_an_interrupted_pack_resumes_with_the_same_bytes(tiny: TinyDataset, tmp_
 
     source = made_source(tiny)
     with pytest.raises(KeyboardInterrupt):
-        pack_panoptic(source, tmp_path / "out", None, interrupt)
+        pack_panoptic(source, source.key_frames(), tmp_path / "out", None, interrupt)
     assert not (tmp_path / "out").exists()
     pack(source, tmp_path / "out")
     pack(source, tmp_path / "at-once")

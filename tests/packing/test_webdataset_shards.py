@@ -38,7 +38,7 @@ class Pickling:
 
 
 def pack(source: PackSource, out: Path, shard_bytes: int = 10**9, engine: Any = None) -> list[Path]:
-    return pack_webdataset(source, out, shard_bytes, engine, lambda count: None)
+    return pack_webdataset(source, source.key_frames(), out, shard_bytes, engine, lambda count: None)
 
 
 def members_of(shard: Path) -> list[tarfile.TarInfo]:
@@ -100,12 +100,12 @@ def test_an_interrupted_pack_resumes_with_the_same_bytes(source: PackSource, tmp
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        pack_webdataset(source, tmp_path / "out", 1, None, interrupt)
+        pack_webdataset(source, source.key_frames(), tmp_path / "out", 1, None, interrupt)
     assert not (tmp_path / "out").exists()
     (kept,) = tmp_path.glob(".out.unfinished/scenes/*/*.tar")
     before = kept.stat().st_ino
     counts: list[float] = []
-    shards = pack_webdataset(source, tmp_path / "out", 1, None, counts.append)
+    shards = pack_webdataset(source, source.key_frames(), tmp_path / "out", 1, None, counts.append)
     assert counts == [1, 1, 1]
     assert shards[0].stat().st_ino == before
     pack(source, tmp_path / "at-once", 1)
