@@ -19,6 +19,7 @@ from appocc.errors import DataError
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.progress import Progress
 
     from appocc.nuscenes import Dataset, Scene
 
@@ -32,7 +33,9 @@ def in_path(text: str) -> Path:
     if "://" not in str(text):  # without the imports that a URL needs
         return Path(text)
     from appocc.files import path_of
+    from appocc.files.downloads import show_downloads
 
+    show_downloads(progress)
     try:
         return path_of(text)
     except DataError as error:
@@ -273,20 +276,37 @@ def say_stale(stale: Mapping[str, int]) -> None:
         say(f"regenerated: {'; '.join(f'{count} ({reason})' for reason, count in stale.items())}")
 
 
+# The progress bars that are shown: one display, with a line for each.
+_shown: list[Progress] = []
+
+
 @contextmanager
-def progress(title: str, total: int | None) -> Iterator[Callable[[float], None]]:
+def progress(title: str, total: float | None) -> Iterator[Callable[[float], None]]:
     """Show a progress bar on stderr; the block gets a function that advances it by a number of steps.
 
-    A total of None means an unknown length.
+    A total of None means an unknown length. A bar within the block of another one is a line below it.
     """
+    if _shown:
+        task = _shown[0].add_task(title, total=total)
+        try:
+            yield lambda steps: _shown[0].advance(task, steps)
+        finally:
+            _shown[0].remove_task(task)
+        return
+    with _display() as bar:
+        _shown.append(bar)
+        task = bar.add_task(title, total=total)
+        try:
+            yield lambda steps: bar.advance(task, steps)
+        finally:
+            _shown.clear()
+
+
+def _display() -> Progress:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
     # In a file or a pipe the bar would only print an empty line.
-    with Progress(
-        *columns, console=console, transient=True, disable=_verbosity.quiet or not console.is_terminal
-    ) as bar:
-        task = bar.add_task(title, total=total)
-        yield lambda steps: bar.advance(task, steps)
+    return Progress(*columns, console=console, transient=True, disable=_verbosity.quiet or not console.is_terminal)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from appocc.errors import DataError
+from appocc.files.downloads import counted
 from appocc.files.store_requests import EmptyObjectError, StoreError, attempt, can_write, connection, scheme_of
 
 
@@ -104,7 +105,7 @@ def fetch(url: str, most_bytes: int) -> bytes:
 
 
 def download(url: str, state: ObjectState, target: Path) -> None:
-    """Copy an object to a local file.
+    """Copy an object to a local file; its progress is shown, see `show_downloads`.
 
     Raises:
         FileNotFoundError: if there is none.
@@ -114,7 +115,8 @@ def download(url: str, state: ObjectState, target: Path) -> None:
 
     def copy(store: Any, address: str) -> None:
         target.write_bytes(b"")  # so that an error of the local disk is one
-        store.get_file(address, str(target))
+        with counted(url, state.size) as callback:
+            store.get_file(address, str(target), **callback)
         got = target.stat().st_size
         if state.size is not None and got != state.size:
             raise ConnectionError(f"expected {state.size} bytes, got {got}")

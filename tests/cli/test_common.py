@@ -1,4 +1,4 @@
-"""Which scene and which maps a command takes where none are named."""
+"""Which scene and which maps a command takes where none are named; progress bars."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 from tiny_dataset import TinyDataset
 
+import cli.common
 from appocc.errors import DataError
 from appocc.nuscenes import Dataset
-from cli.common import choose_scene, choose_source
+from cli.common import choose_scene, choose_source, progress
 
 
 def test_the_only_scene_is_taken(tiny_root: Path) -> None:
@@ -41,3 +42,15 @@ def test_the_only_source_is_taken_else_groundtruth_else_one_must_be_named(tmp_pa
         choose_source(made_sources(tmp_path / "c", "theirs", "mine"), None)
     with pytest.raises(DataError, match=r"no maps in .*make them with: appocc infer"):
         choose_source(tmp_path, None)
+
+
+def test_a_progress_bar_within_another_one_is_a_line_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rich.console.Console.is_terminal", True)
+    with progress("outer", 2) as outer:
+        display = cli.common._shown[0]
+        with progress("inner, MB", 1.5) as inner:
+            inner(1.5)
+            assert [task.completed for task in display.tasks] == [0, 1.5]
+        outer(1)
+        assert [(task.description, task.completed) for task in display.tasks] == [("outer", 1)]
+    assert not cli.common._shown
