@@ -6,13 +6,14 @@ Everything is computed in CARLA's own left-handed frame (x ahead, y right, z up,
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fnmatch import fnmatch
 from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from fake_carla_geometry import BoundingBox, Location, Rotation, Transform, Vector3D, composed
 
 ROAD, SIDEWALK, TERRAIN, SKY, WALKER, CAR, WALL, LINE = 1, 2, 10, 11, 12, 14, 4, 24
 COLOURS = {ROAD: (80, 80, 84), SIDEWALK: (150, 150, 150), TERRAIN: (60, 120, 50), SKY: (130, 170, 220)}
@@ -20,56 +21,6 @@ COLOURS |= {WALKER: (200, 120, 40), WALL: (110, 60, 40), LINE: (250, 250, 250)}
 HALF_ROAD, LANE = 6.0, 3.5
 EGO_SPEED = 5.0
 AXLE = -1.4  # of the ego vehicle, in its own frame
-
-
-@dataclass
-class Vector3D:
-    x: float = 0.0
-    y: float = 0.0
-    z: float = 0.0
-
-
-class Location(Vector3D):
-    pass
-
-
-@dataclass
-class Rotation:
-    pitch: float = 0.0
-    yaw: float = 0.0
-    roll: float = 0.0
-
-    def axes(self) -> np.ndarray:
-        """Forward, right and up as rows, by turning the axes one after the other as Unreal does."""
-        p, y, r = (math.radians(a) for a in (self.pitch, self.yaw, self.roll))
-        forward = np.array([math.cos(p) * math.cos(y), math.cos(p) * math.sin(y), math.sin(p)])
-        level_right = np.array([-math.sin(y), math.cos(y), 0.0])
-        level_up = np.array([-math.sin(p) * math.cos(y), -math.sin(p) * math.sin(y), math.cos(p)])
-        right = math.cos(r) * level_right - math.sin(r) * level_up
-        up = math.sin(r) * level_right + math.cos(r) * level_up
-        return np.stack([forward, right, up])
-
-
-@dataclass
-class Transform:
-    location: Vector3D = field(default_factory=Location)
-    rotation: Rotation = field(default_factory=Rotation)
-
-    def place(self) -> np.ndarray:
-        return np.array([self.location.x, self.location.y, self.location.z])
-
-
-def composed(parent: Transform, child: Transform) -> tuple[np.ndarray, np.ndarray]:
-    """Place and axes (rows) in the world of a transform relative to another one."""
-    axes = parent.rotation.axes()
-    return parent.place() + child.place() @ axes, child.rotation.axes() @ axes
-
-
-@dataclass
-class BoundingBox:
-    location: Location
-    extent: Vector3D
-    rotation: Rotation = field(default_factory=Rotation)
 
 
 class Blueprint:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fake_carla import FakeCarla, Location, Rotation, Transform
+from fake_carla import FakeCarla
+from fake_carla_geometry import Location, Rotation, Transform
 
 from appocc.carla.frames import carla_numbers, carla_transform, point_of, pose_of
 from appocc.geometry import apply

@@ -12,7 +12,8 @@ import pyarrow.parquet as pq
 import pytest
 from import_checks import assert_balls_in_place, assert_devkit_loads
 from typer.testing import CliRunner
-from waymo_twin import CAR, CAR_LWH, CAR_RGB, CAR_YAW, NAME, ORIGIN, Records, crc32c, framed, write_components
+from waymo_street import CAR, CAR_LWH, CAR_RGB, CAR_YAW, NAME, ORIGIN
+from waymo_twin import Records, crc32c, framed, write_components
 
 from appocc.doctor import contents_of
 from appocc.errors import DataError

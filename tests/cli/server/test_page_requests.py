@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -27,31 +24,6 @@ from tracking.pipeline import track_scene, tracks_folder, write_tracks
 
 FRAMES = 4
 JSON = {"content-type": "application/json"}
-
-
-@pytest.fixture(scope="module")
-def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_recording(tmp_path_factory.mktemp("opened") / "made", FRAMES)
-
-
-@pytest.fixture(scope="module")
-def client(root: Path) -> Iterator[TestClient]:
-    with TestClient(build_app(Library([root])), base_url="http://127.0.0.1:8040") as client:
-        yield client
-
-
-@pytest.fixture(scope="module")
-def at(client: TestClient) -> str:
-    """Address of the scene of the recording."""
-    return f"/api/recordings/{client.get('/api/recordings').json()['recordings'][0]['key']}/0"
-
-
-def talk(client: TestClient, at: str, **more: Any) -> dict[str, Any]:
-    key = at.split("/")[3]
-    answer = client.post("/api/talk", json={"recording": key, "scene": 0, "source": "predicted", "frame": 1, **more})
-    assert answer.status_code == 200, answer.text
-    found: dict[str, Any] = answer.json()
-    return found
 
 
 def decoded(data: bytes) -> np.typing.NDArray[np.uint8]:
@@ -224,111 +196,6 @@ def test_curves_of_trainings_are_shown_as_they_are_drawn(tmp_path: Path) -> None
         assert client.get("/api/curves", params={"name": "../../etc"}).status_code == 404
         (run / "curves.png").write_text("no image")
         assert client.get("/api/curves", params={"name": name}).status_code == 400
-
-
-# Conversations --------------------------------------------------------------------------------------------------
-
-
-def test_an_ambiguous_sentence_asks_and_a_choice_answers(client: TestClient, at: str) -> None:
-    asked = talk(client, at, say="stop behind the white car")
-    assert asked["turns"][0]["status"] == "ambiguous"
-    assert asked["turns"][0]["question"].endswith("?")
-    left = next(one for one in asked["candidates"] if "left" in one["words"])
-    chosen = talk(client, at, talk=asked["talk"], choose=left["id"])
-    assert [turn["status"] for turn in chosen["turns"]] == ["ambiguous", "ok"]
-    assert chosen["shown"]["referents"] == [left["id"]]
-    assert len(chosen["shown"]["target"]["footprint"]) == 4
-    assert len(chosen["shown"]["route"]) > 1
-    assert client.get(f"/api/talk/{asked['talk']}").json() == chosen, "a page that is loaded again gets the same"
-
-
-def test_a_sentence_that_finds_nothing_does_not_offer_the_vehicles_of_the_goal_before(
-    client: TestClient, at: str
-) -> None:
-    first = talk(client, at, say="stop next to the nearest car")
-    assert first["candidates"]
-    lost = talk(client, at, talk=first["talk"], say="turn left at the next junction")
-    assert lost["turns"][-1]["status"] == "not_found"
-    assert lost["candidates"] == []
-
-
-def test_the_goal_follows_the_scene(client: TestClient, at: str) -> None:
-    first = talk(client, at, frame=1, say="stop behind the red car")
-    later = talk(client, at, frame=3, talk=first["talk"])
-    assert later["about"]["frame"] == 3
-    assert later["shown"]["referents"] == first["shown"]["referents"]
-    before, after = (one["shown"]["target"] for one in (first, later))
-    assert after["ego_m"][0] == pytest.approx(before["ego_m"][0] - 2.0, abs=1.0)
-    assert after["world_m"] == pytest.approx(before["world_m"], abs=1.0)
-
-
-@pytest.mark.parametrize("text", ["which cars do you see?", "hello there"])
-def test_an_answer_in_words_leaves_the_goal_in_view(text: str, client: TestClient, at: str) -> None:
-    goal = talk(client, at, say="stop behind the red car")
-    told = talk(client, at, talk=goal["talk"], say=text)
-    assert told["turns"][-1]["goal"] is None, "the plan is not repeated"
-    assert told["shown"]["target"] == goal["shown"]["target"]
-    assert told["candidates"] == []
-    assert talk(client, at, talk=goal["talk"], say="never mind")["shown"]["target"] is None
-
-
-def test_another_source_begins_another_conversation(client: TestClient, at: str) -> None:
-    first = talk(client, at, say="stop behind the red car")
-    other = talk(client, at, talk=first["talk"], source="exact", say="where are you heading?")
-    assert len(other["turns"]) == 1
-    assert other["turns"][0]["goal"] is None
-
-
-def test_a_forgotten_conversation_begins_anew(client: TestClient, at: str) -> None:
-    fresh = talk(client, at, talk="long ago", say="stop behind the red car")
-    assert fresh["talk"] != "long ago"
-    assert len(fresh["turns"]) == 1
-
-
-def test_a_vehicle_that_was_not_offered_cannot_be_chosen(client: TestClient, at: str) -> None:
-    asked = talk(client, at, say="stop behind the white car")
-    body = {"recording": at.split("/")[3], "source": "predicted", "frame": 1, "talk": asked["talk"], "choose": "x"}
-    answer = client.post("/api/talk", json=body)
-    assert answer.status_code == 404
-    assert "say it again" in answer.json()["error"]
-
-
-@pytest.mark.parametrize("source", ["", "../..", "/etc", "none"])
-def test_a_conversation_needs_a_source_of_the_recording(source: str, client: TestClient, at: str) -> None:
-    body = {"recording": at.split("/")[3], "source": source, "say": "stop"}
-    assert client.post("/api/talk", json=body).status_code in (400, 404)
-
-
-@pytest.mark.parametrize("text", ["", "   ", "\u202e\x00\x07", "park " * 200])
-def test_what_is_no_sentence_is_refused(text: str, client: TestClient, at: str) -> None:
-    body = {"recording": at.split("/")[3], "source": "predicted", "say": text}
-    answer = client.post("/api/talk", json=body)
-    assert answer.status_code == 400
-    assert "expected a sentence" in answer.json()["error"]
-
-
-@pytest.mark.parametrize(
-    "text", ["<img src=x onerror=alert(1)>", "'; DROP TABLE sample; --", "\u4f60\u597d", "🚗" * 50]
-)
-def test_strange_sentences_are_answered(text: str, client: TestClient, at: str) -> None:
-    assert talk(client, at, say=text)["turns"][0]["said"] == text
-
-
-def test_ten_clients_talk_and_look_at_once(client: TestClient, at: str) -> None:
-    outcomes: list[tuple[int, int]] = []
-
-    def use(number: int) -> None:
-        found = talk(client, at, frame=number % FRAMES, say="stop behind the red car")
-        again = talk(client, at, frame=(number + 1) % FRAMES, talk=found["talk"])
-        picture = client.get(f"{at}/{number % FRAMES}/map.png?source=predicted")
-        outcomes.append((len(again["turns"]), picture.status_code))
-
-    threads = [threading.Thread(target=use, args=(number,)) for number in range(10)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert outcomes == [(1, 200)] * 10
 
 
 # Hostile addresses and bodies -----------------------------------------------------------------------------------
