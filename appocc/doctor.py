@@ -46,6 +46,7 @@ class Contents:
         samples: number of key frames.
         annotations: number of boxes.
         instances: number of annotated objects.
+        no_label_zones: number of zones in which nothing is annotated.
         locations: locations of the recordings.
         channels: sensor channels that have files.
         masks: number of drivable-area masks.
@@ -64,6 +65,7 @@ class Contents:
     samples: int
     annotations: int
     instances: int
+    no_label_zones: int
     locations: tuple[str, ...]
     channels: dict[str, Channel]
     masks: int
@@ -141,6 +143,7 @@ def contents_of(dataset: Dataset) -> Contents:
         scenes=len(tables["scene"]),
         samples=len(tables["sample"]),
         annotations=len(tables["sample_annotation"]),
+        no_label_zones=len(tables["nolabelzone"]),
         instances=len(tables["instance"]),
         locations=tuple(sorted({place for place in tables["log"]["location"] if place})),
         channels=_channels(dataset),
@@ -216,7 +219,8 @@ def _contents_lines(c: Contents) -> Iterator[str]:
     yield f"{c.root}: {c.version or 'tables in the root'}, {', '.join(c.locations[:_NAMES]) or 'unknown location'}"
     keys = sum(channel.key_frames for channel in c.channels.values())
     sweeps = sum(channel.sweeps for channel in c.channels.values())
-    yield f"scenes: {c.scenes:,}; samples: {c.samples:,}; boxes: {c.annotations:,}; objects: {c.instances:,}"
+    zones = f"; no-label zones: {c.no_label_zones:,}" if c.no_label_zones else ""
+    yield f"scenes: {c.scenes:,}; samples: {c.samples:,}; boxes: {c.annotations:,}; objects: {c.instances:,}{zones}"
     yield f"sensor files: {keys + sweeps:,}"
     yield f"  {'channel':<20} {'modality':<8} {'key frames':>10} {'sweeps':>10}"
     for name, channel in c.channels.items():

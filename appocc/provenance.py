@@ -18,6 +18,7 @@ from appocc.files import inside
 from appocc.files.journal import append_line, read_lines, write_lines
 from appocc.files.questions import State, state_of, states_of
 from appocc.nuscenes.dataset import LIDAR, Dataset
+from appocc.nuscenes.label_zones import no_label_zones
 from appocc.nuscenes.records import Sample, SampleData, Scene
 from appocc.nuscenes.schema import LABEL_TABLES
 
@@ -181,6 +182,7 @@ def _boxes(dataset: Dataset, samples: Iterable[Sample]) -> str:
         rows = dataset.tables.annotations_by_sample.rows(sample.token)
         values += [table.array(name)[rows] for name in ("instance_token", "translation", "size", "rotation")]
         values += [categories[row] if row >= 0 else None for row in dataset.tables.annotation_category[rows]]
+        values += [outline.tolist() for outline in no_label_zones(dataset, sample)]
     return digest(values)
 
 

@@ -23,6 +23,8 @@ SIZE = (320, 240)
 K = np.array([[260.0, 0, 158.5], [0, 261.0, 121.0], [0, 0, 1]])
 DISTORTION = np.array([-0.24, 0.06, 0.001, -0.002, -0.01])  # k1, k2, p1, p2, k3
 CAR, CAR_LWH, CAR_YAW = np.array([24.0, 9.0, 0.8]), np.array([4.4, 1.8, 1.6]), 0.3
+# Corners of a place in which nothing is labelled; in version 1.
+NO_LABEL_ZONE = np.array([[10.0, -14.0, 0], [20.0, -14.0, 0], [20.0, -8.0, 0], [10.0, -8.0, 0]])
 CAR_RGB = (180, 180, 250)
 # Columns right, down, ahead of a camera that is ahead, left, up.
 FROM_WAYMO = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])

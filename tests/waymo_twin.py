@@ -24,6 +24,7 @@ from waymo_street import (
     FRAMES,
     LASERS,
     NAME,
+    NO_LABEL_ZONE,
     ORIGIN,
     SIZE,
     START_US,
@@ -56,7 +57,8 @@ StopSign: lane=1*i position=2:Vector
 Area: polygon=1*:Vector
 MapFeature: id=1i lane=3:Lane road_line=4:Line road_edge=5:Line stop_sign=7:StopSign crosswalk=8:Area driveway=10:Area
 Frame: context=1:Context timestamp_micros=2i pose=3:Transform images=4*:CameraImage lasers=5*:Laser
-Frame: laser_labels=6*:Label map_features=10*:MapFeature map_pose_offset=11:Vector
+Polygon: x=1*d y=2*d id=3s
+Frame: laser_labels=6*:Label no_label_zones=7*:Polygon map_features=10*:MapFeature map_pose_offset=11:Vector
 """
 KINDS = {"i": 3, "d": 1, "s": 9, "b": 12, "p": 2}
 
@@ -158,6 +160,8 @@ class Records:
             box.center_x, box.center_y, box.center_z = centre
             label = frame.laser_labels.add(box=box, type=kind, id=key, num_lidar_points_in_box=count)
             label.metadata.speed_x = 0.0
+        outline = ORIGIN + NO_LABEL_ZONE - DRIFT
+        frame.no_label_zones.add(x=outline[:, 0], y=outline[:, 1], id="zone")
         if index == 0:
             frame.map_features.extend(self.features())
         return frame

@@ -13,7 +13,7 @@ from appocc.checks import BoolArray, Float32Array, FloatArray
 from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
 from appocc.groundtruth.inputs import SampleInput
-from appocc.groundtruth.occupancy import OccupancyLayer, RoadSources, cells_of, lane_layer, road_layer
+from appocc.groundtruth.occupancy import OccupancyLayer, RoadSources, cells_of, lane_layer, road_layer, touched_cells
 from appocc.groundtruth.painting import BoxColours, PaintMethod
 from appocc.groundtruth.surface import GroundSurface
 from appocc.rasterise import vehicle_owner
@@ -107,7 +107,7 @@ def vehicles_near(sample: SampleInput, grid: BEVGrid) -> BoolArray:
 def _vehicles(
     sample: SampleInput, painted: BoxColours | None, grid: BEVGrid, rgb: Float32Array, known: BoolArray
 ) -> OccupancyLayer:
-    """Return the vehicle layer; write the vehicles' colours to `rgb` and `known` in place."""
+    """Return the vehicle layer, unknown in no-label zones; write their colours to `rgb` and `known` in place."""
     if painted is None:
         empty = np.zeros(grid.shape, dtype=np.bool_)
         return OccupancyLayer(empty, empty.copy(), "none")
@@ -116,4 +116,5 @@ def _vehicles(
     on = owner >= 0
     which = np.flatnonzero(near)[owner[on]]
     rgb[on], known[on] = painted.rgb[which], painted.known[which]
-    return OccupancyLayer(on, np.ones(grid.shape, dtype=np.bool_), "cuboids")
+    unlabelled = touched_cells(grid, sample.world_from_ego, sample.no_label_zones)
+    return OccupancyLayer(on, on | ~unlabelled, "cuboids")

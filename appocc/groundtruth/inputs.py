@@ -13,6 +13,7 @@ from appocc.camera import Camera
 from appocc.checks import FloatArray, IntArray
 from appocc.geometry import poses_between
 from appocc.nuscenes.dataset import LIDAR, Dataset
+from appocc.nuscenes.label_zones import no_label_zones
 from appocc.nuscenes.point_labels import PointLabels, point_labels
 from appocc.nuscenes.records import Sample, SampleData, Scene
 
@@ -47,7 +48,7 @@ class SweepInput:
 
 @dataclass(frozen=True, eq=False)
 class SampleInput:
-    """A sample with pose, boxes, key-frame images, and its LiDAR sweep if it has one."""
+    """A sample with pose, boxes, key-frame images, its LiDAR sweep if it has one, no-label zones (K, 2), world."""
 
     token: str
     timestamp_us: int
@@ -55,6 +56,7 @@ class SampleInput:
     boxes_world: Boxes
     views: tuple[PosedImage, ...]
     lidar: tuple[Path, FloatArray] | None
+    no_label_zones: tuple[FloatArray, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,4 +181,5 @@ def _sample(dataset: Dataset, sample: Sample, boxes: Boxes) -> SampleInput:
         boxes,
         tuple(_posed_image(dataset, d, boxes) for d in cameras),
         own_lidar,
+        no_label_zones(dataset, sample),
     )

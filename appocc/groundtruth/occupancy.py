@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -75,6 +76,14 @@ def _vector_road(grid: BEVGrid, world_from_ego: FloatArray, drivable: tuple[Area
             area -= polygon_cover(grid, _to_ego(world_from_ego, hole))
         cover += np.maximum(area, 0.0)
     return OccupancyLayer(cover >= ROAD_SHARE - ROUNDING, np.ones(grid.shape, dtype=np.bool_), "map_expansion")
+
+
+def touched_cells(grid: BEVGrid, world_from_ego: FloatArray, outlines: Sequence[FloatArray]) -> BoolArray:
+    """Return the cells (X, Y) that polygons (K, 2), world frame, touch."""
+    touched = np.zeros(grid.shape, dtype=np.bool_)
+    for outline in outlines:
+        touched |= np.abs(polygon_cover(grid, _to_ego(world_from_ego, outline))) > ROUNDING
+    return touched
 
 
 def vector_lane(grid: BEVGrid, world_from_ego: FloatArray, markings: tuple[FloatArray, ...]) -> OccupancyLayer:

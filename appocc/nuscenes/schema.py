@@ -149,6 +149,8 @@ EXTRA_TABLES: dict[str, tuple[FieldSpec, ...]] = {
     "lidarseg": _LABEL_FILES,
     "pointlabels": _LABEL_FILES,
     "pointlabels_category": (_TOKEN, FieldSpec("name", "name"), FieldSpec("index", "any", required=False)),
+    # Places of a key frame in which nothing is annotated: outlines in the world frame, metres.
+    "nolabelzone": (_TOKEN, _ref("sample_token", "sample"), FieldSpec("outline_m", "any")),
     # True paint of simulated vehicles: sRGB 0..255 and colour name.
     "paint": (
         _TOKEN,

@@ -100,6 +100,11 @@ class Tables:
         return self["sample_annotation"].groups("sample_token")
 
     @cached_property
+    def zones_by_sample(self) -> RowGroups:
+        """Rows of nolabelzone by sample token."""
+        return self["nolabelzone"].groups("sample_token")
+
+    @cached_property
     def labels_by_data(self) -> dict[str, RowGroups]:
         """Rows of each table of label files by sample_data token."""
         return {name: self[name].groups("sample_data_token") for name in LABEL_TABLES}

@@ -22,6 +22,7 @@ from appocc.own_cameras.times import seconds_text
 from appocc.rigs.source_rig import SourceRig
 from appocc.trajectory import Motion, Straight, Trajectory
 from appocc.version import __version__
+from appocc.workers import Engine, in_order
 
 VERSION = "v1.0-own"
 _RECORD, _SUMMARY = "import.json", ".summary.json"
@@ -110,8 +111,9 @@ def convert_drives(
     hz: float = 2.0,
     tolerance_us: int = 50_000,
     advance: Callable[[int], None] = lambda count: None,
+    pool: Engine | None = None,
 ) -> list[Summary]:
-    """Convert recordings to a new dataset `out`, a scene each; one key frame is in memory.
+    """Convert recordings to a new dataset `out`, a scene each; one key frame is in memory, of each worker.
 
     The same call resumes an interrupted one: finished scenes are kept. Pictures between key frames are not copied. In
     a key frame, a camera without a picture within the tolerance, or with a damaged one, is missing.
@@ -125,6 +127,7 @@ def convert_drives(
         hz: key frames per second, if there are as many pictures.
         tolerance_us: longest time between the first and the last picture of a key frame.
         advance: progress callback, in key frames.
+        pool: where drives are converted, one by a worker; the result does not depend on it.
 
     Raises:
         DataError: if a picture has another aspect than its camera, no key frame of a drive has a pose, or `out`
@@ -137,45 +140,56 @@ def convert_drives(
     if assembly.is_finished():
         raise DataError(f"{out}: holds this conversion already")
     with assembly.opened():
-        for drive in drives:
-            if not assembly.has(drive.name):
-                scene = partial(_write_drive, drive, rig, speed_mps, hz, tolerance_us, advance)
-                assembly.write(drive.name, scene)
+        job = _DriveWriter(assembly, rig, speed_mps, hz, tolerance_us, None if pool else advance)
+        for count in in_order(pool, job, [drive for drive in drives if not assembly.has(drive.name)]):
+            advance(count)
         summaries = [Summary.of_json(read_json(assembly.place(name) / _SUMMARY)) for name in names]
         assembly.finish(names)
     return summaries
 
 
-def _write_drive(
-    drive: Drive,
-    rig: SourceRig,
-    speed_mps: float,
-    hz: float,
-    tolerance_us: int,
-    advance: Callable[[int], None],
-    writer: Writer,
-) -> None:
-    """Write the files, tables and summary of a drive.
+@dataclass(frozen=True, eq=False)
+class _DriveWriter:
+    """The job of a worker: write the files, tables and summary of a drive; see `convert_drives`.
 
-    Raises:
-        DataError: as `convert_drives` does.
+    `advance` is None in another process: the job then returns the number of key frames, else 0.
     """
-    tolerance_us = min(tolerance_us, round(5e5 / hz))
-    scene = _SceneWriter(writer, rig, drive.name)
-    motion: Motion | None = drive.trajectory
-    first_us = last_us = None
-    for moment in key_moments(moments_of(in_order_of_time(drive.streams), rig.names, tolerance_us), hz):
-        first_us = moment.time_us if first_us is None else first_us
-        last_us = moment.time_us
-        motion = motion or Straight(speed_mps, moment.time_us)
-        scene.add(moment, motion)
-        advance(1)
-    if not scene.samples:
-        raise DataError(_why_empty(drive.name, first_us, last_us, drive.trajectory, scene.summary))
-    scene.add_tables()
-    if drive.trajectory is not None and drive.trajectory.note:
-        scene.summary.notes.append(drive.trajectory.note)
-    write_json(writer.root / _SUMMARY, scene.summary.as_json())
+
+    assembly: Assembly
+    rig: SourceRig
+    speed_mps: float
+    hz: float
+    tolerance_us: int
+    advance: Callable[[int], None] | None
+
+    def __call__(self, drive: Drive) -> int:
+        """Write a drive.
+
+        Raises:
+            DataError: as `convert_drives` does.
+        """
+        counts: list[int] = []
+        self.assembly.write(drive.name, partial(self._write, drive, self.advance or counts.append))
+        return sum(counts)
+
+    def _write(self, drive: Drive, advance: Callable[[int], None], writer: Writer) -> None:
+        tolerance_us = min(self.tolerance_us, round(5e5 / self.hz))
+        scene = _SceneWriter(writer, self.rig, drive.name)
+        motion: Motion | None = drive.trajectory
+        first_us = last_us = None
+        pictures = moments_of(in_order_of_time(drive.streams), self.rig.names, tolerance_us)
+        for moment in key_moments(pictures, self.hz):
+            first_us = moment.time_us if first_us is None else first_us
+            last_us = moment.time_us
+            motion = motion or Straight(self.speed_mps, moment.time_us)
+            scene.add(moment, motion)
+            advance(1)
+        if not scene.samples:
+            raise DataError(_why_empty(drive.name, first_us, last_us, drive.trajectory, scene.summary))
+        scene.add_tables()
+        if drive.trajectory is not None and drive.trajectory.note:
+            scene.summary.notes.append(drive.trajectory.note)
+        write_json(writer.root / _SUMMARY, scene.summary.as_json())
 
 
 def _why_empty(

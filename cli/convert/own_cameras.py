@@ -10,6 +10,7 @@ import typer
 
 from cli.common import JsonOption, emit, local_path, progress, say
 from cli.convert.importing import OutArgument
+from cli.engine import LOCAL, ClusterOption, engine, shared
 
 if TYPE_CHECKING:
     from appocc.own_cameras.convert import Drive, Summary
@@ -61,6 +62,8 @@ def images(
         ),
     ] = None,
     scene: Annotated[str | None, typer.Option(help="Name of the scene. Default: that of SRC.")] = None,
+    workers: Annotated[int, typer.Option(min=1, max=1024, help="Drives converted at once, one process each.")] = 1,
+    cluster: ClusterOption = LOCAL,
     as_json: JsonOption = False,
 ) -> None:
     """Convert pictures or videos of your own cameras, a scene for each drive. The same command resumes.
@@ -71,6 +74,7 @@ def images(
     Example: appocc convert images DRIVE OUT --rig rig.yaml --poses poses.txt
     """
     from appocc.errors import DataError
+    from appocc.nuscenes.assembly import unfinished_folder
     from appocc.own_cameras.convert import convert_drives
     from appocc.own_cameras.pictures import Clock, drive_folders
     from appocc.own_cameras.times import seconds_to_us
@@ -84,6 +88,7 @@ def images(
         start_us = 0 if start is None else seconds_to_us(start)
     except ValueError as error:
         raise DataError(f"--start: {error}") from error
+    src = shared(cluster, src)
     cameras = read_source_rig(rig)
     layout = None if mosaic is None else _layout(mosaic)
     folders = [src] if layout else drive_folders(src, cameras.names)
@@ -96,16 +101,20 @@ def images(
     clock = Clock(fps, start_us)
     drives = [_drive(name, at, cameras, clock, layout, path, poses_of) for name, (at, path) in named.items()]
     settings = {"src": str(src.resolve()), "fps": fps, "start": start, "mosaic": mosaic}
-    with progress("converting", None) as bar:
+    with (
+        engine(cluster, min(workers, len(drives)), unfinished_folder(out)) as pool,
+        progress("converting", None) as bar,
+    ):
         summaries = convert_drives(
             drives,
             cameras,
-            out,
+            shared(cluster, out),
             settings | {"poses": poses and str(poses), "poses_of": poses_of},
             speed_mps=speed or 0.0,
             hz=hz,
             tolerance_us=round(tolerance_ms * 1e3),
             advance=bar,
+            pool=pool,
         )
     if poses is None:
         moving = f"straight ahead at {speed:g} m/s" if speed else "standing (--speed, --poses)"

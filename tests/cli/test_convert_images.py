@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from in_process import run_command
 from made_own_recording import write_cameras, write_video
+from made_pack_source import contents
 from walkthrough import run_line
 
 from appocc.files import write_image
@@ -68,6 +69,9 @@ def test_several_drives_are_resumed(
     assert "holds this conversion already" in run_command(line, capsys, monkeypatch).stderr
     named = run_command([*line, "--scene", "mine"], capsys, monkeypatch)
     assert "has 2 drives, which are named by their folders" in named.stderr
+    both = run_command([*[word.replace("out", "both") for word in line], "--workers", "2"], capsys, monkeypatch)
+    assert (both.returncode, both.stdout) == (0, done.stdout.replace('"out"', '"both"'))
+    assert contents(drive / "both") == contents(drive / "out")
 
 
 def test_what_is_assumed_or_missing_is_told(

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -227,13 +228,15 @@ def test_each_class_walks_the_chain_by_itself() -> None:
 # Whole maps ---------------------------------------------------------------------------------------------------------
 
 
-def composed(root: Path, plan: Plan, sources: RoadSources | None = None) -> BEVMap:
+def composed(
+    root: Path, plan: Plan, sources: RoadSources | None = None, zones: tuple[FloatArray, ...] = ()
+) -> BEVMap:
     """The map of the first sample of a made dataset, with a ground of nothing."""
     dataset = make(root, plan)
     inputs = gather_inputs(dataset, dataset.scenes[0])
     where = sources or RoadSources(None, None, NOTHING, NO_LABELS)
     settings = GroundTruthSettings(BEVGrid(-12.0, 12.0, -12.0, 12.0, 0.4), "robust")
-    sample = inputs.samples[0]
+    sample = replace(inputs.samples[0], no_label_zones=zones)
     wanted = vehicles_near(sample, settings.grid)
     painted = robust_colours([sample], [bodywork_by_box(sample, wanted, {})])[0] if inputs.annotated else None
     return compose_map(sample, where, painted, settings)
@@ -260,6 +263,20 @@ def test_sources_and_settings_are_recorded(tmp_path: Path) -> None:
     assert bev.meta["token"]
     assert not bev.occupancy_valid[[ROAD, LANE]].any()
     assert bev.occupancy_valid[VEHICLE].all()
+
+
+def test_no_vehicle_is_known_in_a_no_label_zone_but_an_annotated_one(tmp_path: Path) -> None:
+    outline = np.array([[5.0, 1.0, 0], [9.0, 1.0, 0], [9.0, 6.0, 0], [5.0, 6.0, 0]])
+    bev = composed(tmp_path, Plan(street, samples=1), zones=(apply(WORLD_FROM_STREET, outline)[:, :2],))
+    corners = np.array([[4.9, 0.9], [9.1, 6.1]])
+    place = apply(street_from_ego(0), np.pad(bev.grid.centres(), ((0, 0), (0, 0), (0, 1))))[..., :2]
+    inside = ((place > corners[0] + 0.3) & (place < corners[1] - 0.3)).all(axis=-1)
+    outside = ((place < corners[0] - 0.3) | (place > corners[1] + 0.3)).any(axis=-1)
+    on, valid = bev.occupancy[VEHICLE] > 0, bev.occupancy_valid[VEHICLE]
+    assert (inside & on).any()
+    assert (valid[inside] == on[inside]).all()
+    assert valid[outside].all()
+    assert bev.meta["sources"]["vehicle"] == "cuboids"
 
 
 def test_vehicles_in_a_map(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -12,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 from import_checks import assert_balls_in_place, assert_devkit_loads
 from typer.testing import CliRunner
-from waymo_street import CAR, CAR_LWH, CAR_RGB, CAR_YAW, NAME, ORIGIN
+from waymo_street import CAR, CAR_LWH, CAR_RGB, CAR_YAW, NAME, NO_LABEL_ZONE, ORIGIN
 from waymo_twin import Records, crc32c, framed, write_components
 
 from appocc.doctor import contents_of
@@ -23,6 +24,7 @@ from appocc.importers.waymo import find_logs
 from appocc.importers.waymo.tfrecord import masked_crc32c
 from appocc.importers.waymo.wire import Message
 from appocc.nuscenes import Dataset
+from appocc.nuscenes.label_zones import no_label_zones
 from appocc.nuscenes.maps import mask_window, vector_map
 from appocc.nuscenes.validate import validate
 from cli.convert import app
@@ -75,6 +77,26 @@ def test_boxes_lie_on_their_car_in_the_pictures(converted: dict[str, Dataset], l
         # The patch is as large as the box.
         found = np.array([columns.min(), rows.min(), columns.max(), rows.max()])
         np.testing.assert_allclose(found, [left, top, right, bottom], atol=4)
+
+
+def test_no_label_zones_of_version_1_lie_on_the_map(converted: dict[str, Dataset]) -> None:
+    for sample in converted["v1"].samples(converted["v1"].scenes[0]):
+        (outline,) = no_label_zones(converted["v1"], sample)
+        np.testing.assert_allclose(outline, (ORIGIN + NO_LABEL_ZONE)[:, :2], atol=1e-6)
+    assert contents_of(converted["v1"]).no_label_zones == 3
+    assert contents_of(converted["v2"]).no_label_zones == 0
+
+
+def test_a_damaged_no_label_zone_is_refused(sources: Path, tmp_path: Path) -> None:
+    class Cut(Records):
+        def frame(self, index: int, name: str = NAME) -> Any:
+            frame = super().frame(index, name)
+            del frame.no_label_zones[0].x[2:]
+            return frame
+
+    Cut().write(tmp_path / "cut", 1)
+    with pytest.raises(DataError, match="no-label zone: expected three or more points, got 2 x, 4 y"):
+        import_logs(find_logs(tmp_path / "cut", 5.0), tmp_path / "out", "waymo", {})
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)

@@ -125,7 +125,7 @@ class ComponentSegment:
     def notes(self) -> tuple[str, ...]:
         """What components are missing; this layout has no map."""
         missing = (f"no {name}: {lack}" for name, lack in _LACKS.items() if not self._has(name))
-        return (*missing, "parquet files have no map: it is in the TFRecords of version 1.4")
+        return (*missing, "parquet files have no map and no no-label zones: they are in the TFRecords of version 1.4")
 
     def frames(self, indices: IntArray) -> Iterator[WaymoFrame]:
         """Yield frames; pages of one are in memory."""
@@ -189,6 +189,7 @@ class ComponentSegment:
             map_from_world_m=np.zeros(3),
             pictures=pictures,
             labels=tuple(self._boxes(time_us)),
+            no_label_zones=(),
             returns=partial(self._range_images, time_us, rows) if swept else None,
         )
 

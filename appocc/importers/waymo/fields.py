@@ -17,8 +17,16 @@ class Frame(IntEnum):
     IMAGES = 4
     LASERS = 5
     LASER_LABELS = 6
+    NO_LABEL_ZONES = 7
     MAP_FEATURES = 10
     MAP_POSE_OFFSET = 11
+
+
+class Polygon(IntEnum):
+    """label.proto: Polygon2dProto, in the world frame."""
+
+    X = 1
+    Y = 2
 
 
 class Context(IntEnum):

@@ -18,6 +18,7 @@ from appocc.importers.waymo.points import TOP, points_of
 from appocc.importers.waymo.roads import write_roads
 from appocc.importers.waymo.segment import Label, Segment, WaymoCamera, WaymoFrame
 from appocc.lenses import DistortedLens
+from appocc.nuscenes.label_zones import write_no_label_zones
 from appocc.nuscenes.writer import Annotation, Writer
 from appocc.rigs import SourceRig
 from appocc.rigs.cutting import cut_rig
@@ -111,7 +112,9 @@ class WaymoLog:
             swept = frame.returns is not None and bool(self._segment.lasers)
             sweep = Sweep(frame.time_us, pose, partial(self._points, frame)) if swept else None
             boxes = tuple(self._annotation(label, pose) for label in frame.labels if label.kind in _CATEGORIES)
-            yield Frame(frame.time_us, images, sweep, boxes)
+            zones = [outline + frame.map_from_world_m[:2] for outline in frame.no_label_zones]
+            more = partial(write_no_label_zones, outlines=zones) if zones else None
+            yield Frame(frame.time_us, images, sweep, boxes, more)
 
     def write_map(self, writer: Writer, log: str) -> None:
         """Write the vector map, if there is one."""

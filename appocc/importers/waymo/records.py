@@ -181,8 +181,15 @@ class RecordSegment:
                 map_from_world_m=np.array([offset.real(axis) for axis in number.Point]),
                 pictures=tuple(map(self._picture, message.messages(number.Frame.IMAGES))),
                 labels=tuple(map(_label, message.messages(number.Frame.LASER_LABELS))),
+                no_label_zones=tuple(map(self._outline, message.messages(number.Frame.NO_LABEL_ZONES))),
                 returns=returns,
             )
+
+    def _outline(self, polygon: Message) -> FloatArray:
+        x, y = polygon.reals(number.Polygon.X), polygon.reals(number.Polygon.Y)
+        if len(x) != len(y) or len(x) < 3 or not np.isfinite([x, y]).all():
+            raise DataError(f"{self.path}: no-label zone: expected three or more points, got {len(x)} x, {len(y)} y")
+        return np.stack([x, y], axis=1)
 
     def _picture(self, image: Message) -> Picture:
         field = number.CameraImage

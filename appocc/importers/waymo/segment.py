@@ -103,6 +103,7 @@ class WaymoFrame:
         map_from_world_m: (3,) what moves all its poses onto the map.
         pictures: pictures of the cameras.
         labels: boxes.
+        no_label_zones: outlines (K, 2), world frame, in which nothing is labelled.
         returns: reads the range images; None if there are none.
     """
 
@@ -111,6 +112,7 @@ class WaymoFrame:
     map_from_world_m: FloatArray
     pictures: tuple[Picture, ...]
     labels: tuple[Label, ...]
+    no_label_zones: tuple[FloatArray, ...]
     returns: Callable[[], list[RangeImage]] | None
 
 
