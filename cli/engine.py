@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.common import say
+from cli.common import in_path, say
 
 if TYPE_CHECKING:
     from appocc.workers import Engine
@@ -45,6 +45,11 @@ def shared(cluster: str, path: Path) -> Path:
     return path if cluster == LOCAL else path.absolute()
 
 
+def shared_source(cluster: str, source: str) -> str:
+    """Return a source of maps as all workers of a cluster can read it: a folder is absolute, see `bev_folder`."""
+    return str(shared(cluster, in_path(source))) if "/" in source else source
+
+
 @contextmanager
 def engine(cluster: str, workers: int, folder: Path, writes: bool = True) -> Iterator[Engine | None]:
     """Yield what runs the jobs of a command; None: this process, one job after the other.
@@ -68,5 +73,6 @@ def engine(cluster: str, workers: int, folder: Path, writes: bool = True) -> Ite
     from appocc.cluster import connected
 
     with connected(cluster, workers, folder, writes) as found:
-        say(f"{cluster}: {found.size} workers; dashboard: {found.dashboard}")
+        count = found.size
+        say(f"{cluster}: {count} worker{'s' if count != 1 else ''}; dashboard: {found.dashboard}")
         yield found

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from cli.common import JsonOption, RootArgument, VersionOption, emit, progress, say, wide_console
-from cli.engine import LOCAL, ClusterOption, ProcessesOption, engine, processes, shared
+from cli.engine import LOCAL, ClusterOption, ProcessesOption, engine, processes, shared, shared_source
 from cli.eval_detections import detections
 from cli.eval_parses import parses
 from cli.eval_tracks import tracks
@@ -63,13 +63,13 @@ def bev(
     scenes = [dataset.scene(scene)] if scene else list(dataset.scenes)
     if against is None:
         against = TruthSource.exact if bev_folder(root, "exact").is_dir() else TruthSource.groundtruth
-    question = EvaluationConfig(source, against.value, setting is GridSetting.ahead, range_m)
+    question = EvaluationConfig(shared_source(cluster, source), against.value, setting is GridSetting.ahead, range_m)
     total = sum(len(dataset.samples(one)) for one in scenes)
     with (
         engine(cluster, processes(workers, total), root, writes=False) as pool,
         progress("comparing", total) as advance,
     ):
-        answer = evaluate(dataset, scenes, question, advance, pool).as_json()
+        answer = evaluate(dataset, scenes, question, advance, pool).as_json() | {"source": source}
     if as_json:
         emit(answer)
     _show(answer)

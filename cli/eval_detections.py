@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from cli.common import JsonOption, RootArgument, VersionOption, emit, in_path, progress, say, wide_console
-from cli.engine import LOCAL, ClusterOption, ProcessesOption, engine, processes, shared
+from cli.engine import LOCAL, ClusterOption, ProcessesOption, engine, processes, shared, shared_source
 
 
 def detections(
@@ -48,13 +48,15 @@ def detections(
     root = shared(cluster, root)
     dataset = Dataset(root, version)
     scenes = [dataset.scene(scene)] if scene else list(dataset.scenes)
-    config = DetectionEvaluationConfig(file or str(source), true_map_source(root), range_m)
+    name = file or str(source)
+    read = file or shared_source(cluster, str(source))
+    config = DetectionEvaluationConfig(read, true_map_source(root), range_m)
     total = sum(len(dataset.samples(one)) for one in scenes)
     with (
         engine(cluster, processes(workers, total), root, writes=False) as pool,
         progress("comparing", total) as advance,
     ):
-        answer = evaluate_detections(dataset, scenes, config, advance, pool).as_json()
+        answer = evaluate_detections(dataset, scenes, config, advance, pool).as_json() | {"source": str(name)}
     if as_json:
         emit(answer)
     _show(answer)

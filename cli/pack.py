@@ -20,7 +20,7 @@ from cli.common import (
     say,
     say_empty,
 )
-from cli.engine import LOCAL, ClusterOption, ProcessesOption, engine, shared
+from cli.engine import LOCAL, ClusterOption, ProcessesOption, engine, shared, shared_source
 
 
 class PackFormat(StrEnum):
@@ -63,7 +63,7 @@ def pack(
     root, out = shared(cluster, root), shared(cluster, resolved(out))
     dataset = Dataset(root, version)
     scenes = [dataset.scene(name) for name in scene] if scene else list(dataset.scenes)
-    source = PackSource(dataset, scenes, choose_source(root, bev))
+    source = PackSource(dataset, scenes, shared_source(cluster, choose_source(root, bev)))
     key_frames = source.key_frames()
     total = len(key_frames)
     with engine(cluster, workers or cores(), out.parent) as pool, progress("packing", total) as advance:

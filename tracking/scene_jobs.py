@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from pathlib import Path
 from typing import NamedTuple
@@ -90,7 +90,8 @@ class SceneTracking:
 
     Attributes:
         root: dataset.
-        source: source of the maps.
+        source: source of the maps, as a worker finds it.
+        name: source of the maps, as it is named in the files.
         smoothing: whether tracks are smoothed offline.
         min_score: least score of a track in a frame, 0..1.
         trust_unseen: whether predictions in cells that no camera sees are used.
@@ -98,6 +99,7 @@ class SceneTracking:
 
     root: Path
     source: str
+    name: str
     smoothing: bool = False
     min_score: float = 0.0
     trust_unseen: bool = False
@@ -111,4 +113,5 @@ class SceneTracking:
         result = track_maps(
             self.root, wanted.frames, self.source, trust_unseen=self.trust_unseen, smoothing=self.smoothing
         )
-        return finish_scene(result.with_scores(self.min_score), wanted.truths, wanted.folder)
+        result = replace(result, source=self.name).with_scores(self.min_score)
+        return finish_scene(result, wanted.truths, wanted.folder)

@@ -24,7 +24,7 @@ from cli.common import (
     say,
     say_empty,
 )
-from cli.engine import LOCAL, ClusterOption, ProcessesOption, engine, processes, shared
+from cli.engine import LOCAL, ClusterOption, ProcessesOption, engine, processes, shared, shared_source
 from cli.track.options import ALL_SCORES, MinScoreOption, SmoothOption, VideoOption
 from cli.track.output import say_files, show_metrics
 
@@ -70,8 +70,7 @@ def track_scene_command(
     from tracking.pipeline import track_scene
     from tracking.scene_jobs import SceneTracking
 
-    root, out = shared(cluster, root), out and shared(cluster, out)
-    dataset = Dataset(root, version)
+    dataset = Dataset(shared(cluster, root), version)
     every = [dataset.scene(name) for name in scene] if scene else list(dataset.scenes)
     scenes = [each for each in every if dataset.samples(each)]
     if not scenes:
@@ -88,7 +87,7 @@ def track_scene_command(
             )
         _finish(dataset, result.with_scores(min_score), {"bev": source}, folders[scenes[0]], video, as_json)
         return
-    job = SceneTracking(root, source, smooth, min_score, trust_unseen)
+    job = SceneTracking(dataset.root, shared_source(cluster, source), source, smooth, min_score, trust_unseen)
     tracked = _track_scenes(dataset, folders, job, workers, cluster, out or root)
     say_empty(dataset, every)
     if len(tracked) == 1:
@@ -143,12 +142,13 @@ def _track_scenes(
     from appocc.workers import in_order
     from tracking.scene_jobs import scene_inputs
 
+    inputs = scene_inputs(dataset, {scene: shared(cluster, folder) for scene, folder in folders.items()})
     total = sum(len(dataset.samples(scene)) for scene in folders)
     count = min(processes(workers, total), len(folders))
     tracked = []
     with engine(cluster, count, shared_folder) as pool, progress("tracking", total) as advance:
-        for one in in_order(pool, job, scene_inputs(dataset, folders)):
-            tracked.append(one)
+        for one, folder in zip(in_order(pool, job, inputs), folders.values(), strict=True):
+            tracked.append(one._replace(files=tuple(folder / path.name for path in one.files)))
             advance(one.key_frames)
     return tracked
 

@@ -51,14 +51,18 @@ def files(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*.*")}
 
 
-def test_the_cluster_gives_the_bytes_of_a_local_run(street: TinyDataset, two_workers: str, tmp_path: Path) -> None:
-    on_cluster = ("--cluster", two_workers)
-    maps = ("eval", "bev", street.root, "--bev", "model", "--json")
+def test_the_cluster_gives_the_bytes_of_a_local_run(
+    street: TinyDataset, two_workers: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Paths are relative here: the workers have another working folder."""
+    monkeypatch.chdir(street.root.parent)
+    on_cluster, root = ("--cluster", two_workers), street.root.name
+    maps = ("eval", "bev", root, "--bev", f"{root}/bev/model", "--json")
     assert (local := output(*maps)) == output(*maps, *on_cluster)
     assert (json.loads(local)["scenes"], json.loads(local)["samples"]) == (2, 6)
-    detections = ("eval", "detections", street.root, "--bev", "model", "--json")
+    detections = ("eval", "detections", root, "--bev", f"{root}/bev/model", "--json")
     assert output(*detections) == output(*detections, *on_cluster)
-    tracks = ("track", "scene", street.root, "--bev", "model", "--smooth", "--json", "--out", tmp_path / "tracks")
+    tracks = ("track", "scene", root, "--bev", f"{root}/bev/model", "--smooth", "--json", "--out", "tracks")
     local, here = output(*tracks), files(tmp_path / "tracks")
     assert local == output(*tracks, *on_cluster)
     assert here == files(tmp_path / "tracks")
