@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
+pytest_plugins = ["page_fixtures"]
+
 FRAMES = 4
 
 

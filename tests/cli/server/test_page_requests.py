@@ -22,6 +22,8 @@ from cli.server.library import Library
 from cli.server.pictures import camera_jpeg
 from tracking.pipeline import track_scene, tracks_folder, write_tracks
 
+pytest_plugins = ["page_fixtures"]
+
 FRAMES = 4
 JSON = {"content-type": "application/json"}
 
