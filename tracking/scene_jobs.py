@@ -16,7 +16,7 @@ from tracking.pipeline import SceneFrames, SceneTracks, read_key_frames, track_m
 
 
 class TrackedScene(NamedTuple):
-    """What is told of a scene whose tracks are written.
+    """Counts and files of a scene whose tracks are written.
 
     Attributes:
         scene: name of the scene.
