@@ -163,7 +163,7 @@ function draw() {
   const pending = tracking?.kind === "map" && !tracking.problem;
   note(!state.source && board.predicts(state.recording) ? "Its maps are being made."
     : !state.source ? "No maps yet: “Predict maps…” makes them from the cameras."
-    : problem || (pending ? `Following the vehicles: ${Math.floor(100 * tracking.share)} %` : ""));
+    : problem || (pending ? `Following the vehicles: ${Math.floor(100 * tracking.share)} %` : talk.lost(frame.frame)));
   drawMaps(shown);
 }
 

@@ -26,6 +26,11 @@ export class Talk {
     return { ...data.shown, candidates: data.candidates };
   }
 
+  /** Why the goal in force cannot be planned for a frame; "" if it can. */
+  lost(frame) {
+    return this.#here() && this.data.about.frame === frame ? this.data.lost : "";
+  }
+
   #here() {
     const about = this.data?.about;
     return about && about.recording === state.recording && about.scene === state.scene && about.source === state.source;
