@@ -33,7 +33,7 @@ const maps = ["map", "truth"].map((id) => new MapCanvas(byId(id).querySelector("
   hovered: (under) => readOut(under, id),
   clicked: (under) => choose(under.vehicle),
 }));
-const timeline = new Timeline(() => scene()?.frames ?? 0);
+const timeline = new Timeline(() => scene()?.frames ?? 0, view.keys);
 const talk = new Talk(() => draw());
 const board = new JobBoard({ finished: (job) => refresh(job), open: (job) => {
     open(job.recording);

@@ -17,6 +17,7 @@ export class Talk {
       if (text) this.say(text);
     });
     listen((text) => this.say(text));
+    new ResizeObserver(scrollDown).observe(byId("turns"));
   }
 
   /** What map and cameras show of the conversation at a frame: {referents, candidates, target, ...} or null. */
