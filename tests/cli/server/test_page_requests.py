@@ -290,9 +290,7 @@ def test_the_goal_in_force_is_shown_at_once_after_nothing_was_found_or_a_questio
     assert [{key: one[key] for key in ("number", "id")} for one in later["candidates"]] == same
 
 
-def test_a_goal_whose_vehicle_is_lost_is_told(
-    client: TestClient, at: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_goal_whose_vehicle_is_lost_is_told(client: TestClient, at: str, monkeypatch: pytest.MonkeyPatch) -> None:
     goal = talk(client, at, say="stop behind the red car")
     assert goal["lost"] == ""
     monkeypatch.setattr(Moments, "vehicles", lambda *_: (None, ()))
