@@ -116,7 +116,7 @@ def draw_camera_panel(
 
 
 def draw_list_panel(tracks: Sequence[Track], world_from_ego: FloatArray, size_px: tuple[int, int]) -> ByteArray:
-    """Draw a list of the nearest tracks at (width, height): id, mean colour, class, distance ahead, speed if known."""
+    """Draw a list of the nearest tracks at (width, height): id, mean colour, class, metres ahead, speed if known."""
     width, height = size_px
     picture: ByteArray = np.full((height, width, 3), 24, np.uint8)
     rows, columns = height // LIST_ROW_PX, width // LIST_COLUMN_PX
