@@ -34,7 +34,7 @@ CYAN: Colour = (60, 220, 255)
 PALE_CYAN: Colour = (120, 170, 185)
 _VEHICLE: Colour = (205, 210, 220)
 _SCALE = 4
-_CAPTION_PX, _LINE_PX = 204, 22
+_CAPTION_PX, _LINE_PX, _LEGEND_PX = 204, 22, 250
 # Width of the camera panel, at most, relative to the map panel.
 _MAX_RELATIVE_WIDTH = 1.8
 # Nearest depth and farthest pixels of what is drawn into a camera image.
@@ -84,8 +84,8 @@ def _draw_bev_panel(answer: Answer, show_costs: bool) -> ByteArray:
     if show_costs and answer.plan.cost_field is not None:
         _shade_costs(canvas, answer.plan.cost_field)
     canvas.ego(answer.scene.ego)
-    for item in answer.scene.objects:
-        canvas.line(item.footprint(), _VEHICLE, 1, closed=True)
+    for vehicle in answer.scene.objects:
+        canvas.line(vehicle.footprint(), _VEHICLE, 1, closed=True)
     for number, candidate in enumerate(answer.candidates, start=1):
         if candidate is not answer.referent:
             canvas.line(candidate.item.footprint(), YELLOW, 1, closed=True)
@@ -137,6 +137,8 @@ def _draw_legend(canvas: BEVCanvas, answer: Answer) -> None:
         else []
     )
     bottom = canvas.picture.shape[0]
+    behind = canvas.picture[bottom - 18 - len(entries) * _LINE_PX :, :_LEGEND_PX]
+    behind[:] = behind // 4  # legible on bright maps
     for row, (words, colour) in enumerate(entries):
         top = bottom - 12 - (len(entries) - row) * _LINE_PX
         cv2.rectangle(canvas.picture, (10, top), (22, top + 12), colour, -1)

@@ -127,8 +127,8 @@ class Conversations:
             talk.turns, talk.goal, talk.lost = [], None, ""
         else:
             planned = talk.session.update(bev, vehicles, pose)
-            kept = planned is None or planned.status == "ok"
-            talk.goal, talk.lost = (planned, "") if kept else (None, planned.reasons[0])
+            lost = planned is not None and planned.status != "ok"
+            talk.goal, talk.lost = (None, planned.reasons[0]) if planned and lost else (planned, "")
         talk.answer = None
         talk.about, talk.frame = about, place.frame
         return talk.session
@@ -154,10 +154,10 @@ def talk_as_json(talk: Talk) -> dict[str, Any]:
     if talk.about is not None:
         recording, scene, source = talk.about
         about = {"recording": recording, "scene": scene, "source": source, "frame": talk.frame}
-    session, scene = talk.session, talk.scene
+    session, now = talk.session, talk.scene
     shown = shown_as_json(talk.goal, talk.answer)
     found: dict[str, Any] = {"talk": talk.key, "about": about, "turns": talk.turns, "shown": shown, "lost": talk.lost}
-    if session is None or scene is None or not talk.turns:
+    if session is None or now is None or not talk.turns:
         return {**found, "candidates": [], "replies": []}
     proposes = talk.answer is not None and bool(talk.answer.plan.question)
     asks_yes_or_no = proposes or (bool(session.question) and len(session.candidates) == 1)
@@ -168,7 +168,7 @@ def talk_as_json(talk: Talk) -> dict[str, Any]:
     told = talk.answer or talk.goal
     return {
         **found,
-        "candidates": candidates_as_json(offered, scene, told.referent if told else None),
+        "candidates": candidates_as_json(offered, now, told.referent if told else None),
         "replies": ["yes", "no"] if asks_yes_or_no else [],
     }
 
