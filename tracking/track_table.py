@@ -330,4 +330,5 @@ class TrackTable:
             kind=tuple(kinds[index] for index in self.state.kind[rows].tolist()),
             detection=self.state.detection[rows],
             moving=self.state.moving[rows],
+            velocity_known=(self.state.moving | self.state.stationary)[rows],
         )
