@@ -101,6 +101,7 @@ class Recording:
             ground: FloatArray = parts["position"][i, moment] - np.array([0.0, 0.0, height / 2])
             velocity = parts["velocity"][i, moment].astype(np.float64)
             moving = bool(np.hypot(*velocity) > MOVES_MPS)
+            seen_before = bool(parts["valid"][i, max(moment - BEFORE_STEPS, 0)])
             yaw = float(parts["heading"][i, moment])
             unknown = np.full(3, np.nan)
             yield Track(
@@ -117,6 +118,7 @@ class Recording:
                 height_m=height,
                 kind=kind,
                 moving=moving,
+                velocity_known=moving or seen_before,
             )
 
 

@@ -82,20 +82,33 @@ def _track(dataset: Dataset, scene: Scene, folder: Path, progress: Progress) -> 
 
 
 def _ground(dataset: Dataset, scene: Scene, folder: Path) -> list[dict[str, Any]]:
-    """Ground the commands on a predicted map, draw the answers, and measure the error against the exact map."""
+    """Ground the commands on a predicted map and its tracks; a question is answered.
+
+    The answers are drawn, and their error is measured against the exact map.
+    """
     sample = dataset.samples(scene)[FRAME]
     predicted, exact = Grounder(), Grounder()
-    frame = set_key_frame(predicted, dataset, sample, PREDICTED)
+    tracks = tracks_folder(dataset.root, PREDICTED, scene.name) / "tracking.json"
+    frame = set_key_frame(predicted, dataset, sample, PREDICTED, tracks=tracks)
     set_key_frame(exact, dataset, sample, SOURCE, images=False)
     answers = []
     for number, command in enumerate(COMMANDS, start=1):
-        answer, true = predicted.ground(command), exact.ground(command)
+        session, true = predicted.session(), exact.ground(command)
+        first = last = session.say(command)
+        text, reply = first.text(), None
+        if first.status == "ambiguous":
+            reply = "yes" if first.plan.question or len(first.candidates) == 1 else "the first one"
+            last = session.say(reply)
+            text = f"{text}\n> {reply}\n{last.text()}"
         name = f"ground-{number}.png"
-        write_image(folder / name, draw_answer(answer, frame))
+        said = command if reply is None else '", "'.join((command, reply))
+        write_image(folder / name, draw_answer(last, frame, said=said))
         apart_m = None
-        if answer.target and true.target:
-            apart_m = float(np.hypot(*(answer.target.ego_m - true.target.ego_m)))
-        answers.append({"picture": name, **answer.to_dict(), "text": answer.text(), "apart_m": apart_m})
+        if last.target and true.target:
+            apart_m = float(np.hypot(*(last.target.ego_m - true.target.ego_m)))
+        found = last.to_dict()
+        replied = {} if reply is None else {"reply": reply, "target": found["target"], "referent": found["referent"]}
+        answers.append({"picture": name, **first.to_dict(), **replied, "text": text, "apart_m": apart_m})
     return answers
 
 
@@ -106,7 +119,9 @@ def _converse(dataset: Dataset, scene: Scene, folder: Path) -> list[dict[str, An
     frame = set_key_frame(grounder, dataset, sample, SOURCE)
     session = grounder.session()
     answers = [session.say(sentence) for sentence in CONVERSATION]
-    write_image(folder / CONVERSATION_PICTURE, draw_answer(session.goal or answers[-1], frame))
+    write_image(
+        folder / CONVERSATION_PICTURE, draw_answer(session.goal or answers[-1], frame, said='", "'.join(CONVERSATION))
+    )
     return [
         {"said": said, **one.to_dict(), "text": one.text()} for said, one in zip(CONVERSATION, answers, strict=True)
     ]

@@ -9,7 +9,7 @@ import numpy as np
 from appocc.boxes import is_person_or_bicycle
 from appocc.checks import FloatArray
 from appocc.ego_vehicle import EgoVehicle
-from appocc.motion_state import STANDING_MPS
+from appocc.motion_state import MOVING_MPS
 from grounding.goal.planner import Target
 from grounding.query import Query
 from grounding.referent.resolver import Candidate
@@ -32,15 +32,23 @@ def describe_side(item: SceneObject, ego: EgoVehicle) -> str:
     return " ".join(word for word in (along, across) if word) or "here"
 
 
+def describe_motion(item: SceneObject) -> str:
+    """Return whether an object stands or how fast it moves; an unknown speed is said to be unknown."""
+    if item.speed_mps is None:
+        return "speed not known"
+    if item.is_standing:
+        return "standing"
+    return "hardly moving" if item.speed_mps < MOVING_MPS else f"moving at {item.speed_mps:.0f} m/s"
+
+
 def describe_object(item: SceneObject, scene: SceneModel) -> str:
     """Describe an object by colour, class, distance, side and motion, and whether it faces the ego."""
     colour = scene.colour_name(item)
     named = f"{colour} {item.common_name}" if colour else item.common_name
     if colour is None and not is_person_or_bicycle(item.category):
         named = f"{named} of unknown colour"
-    parts = [f"{named} {item.distance_m(scene.ego):.0f} m away", describe_side(item, scene.ego)]
-    if item.speed_mps is not None:
-        parts.append("standing" if item.speed_mps < STANDING_MPS else f"moving at {item.speed_mps:.0f} m/s")
+    where = f"{named} {item.distance_m(scene.ego):.0f} m away", describe_side(item, scene.ego)
+    parts = [*where, describe_motion(item)]
     if item.front_known and abs(item.yaw_rad) > _FACING_RAD:
         parts.append("facing us")
     return ", ".join(parts)

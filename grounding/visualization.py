@@ -32,8 +32,9 @@ from tracking.vehicle_classes import HEIGHT_M
 
 CYAN: Colour = (60, 220, 255)
 PALE_CYAN: Colour = (120, 170, 185)
+_VEHICLE: Colour = (205, 210, 220)
 _SCALE = 4
-_CAPTION_PX, _LINE_PX = 204, 22
+_CAPTION_PX, _LINE_PX, _LEGEND_PX = 204, 22, 250
 # Width of the camera panel, at most, relative to the map panel.
 _MAX_RELATIVE_WIDTH = 1.8
 # Nearest depth and farthest pixels of what is drawn into a camera image.
@@ -41,26 +42,28 @@ _NEAR_M, _FAR_PX = 0.5, 1e5
 _STATUS_COLOUR: dict[str, Colour] = {"ok": (90, 220, 110), "ambiguous": YELLOW}
 
 
-def draw_answer(answer: Answer, frame: Frame | None = None, *, show_costs: bool = False) -> ByteArray:
+def draw_answer(answer: Answer, frame: Frame | None = None, *, show_costs: bool = False, said: str = "") -> ByteArray:
     """Draw an answer of any status as RGB (H, W, 3).
 
     Args:
         answer: answer with its scene.
         frame: camera images of the moment; None without them.
         show_costs: whether to shade possible goals: brighter for lower costs.
+        said: words above the picture, such as those of a conversation; by default the command.
     """
     bev = _draw_bev_panel(answer, show_costs)
     camera = None if frame is None else _draw_camera_panel(answer, frame, bev.shape[0])
     panels = bev if camera is None else np.hstack([bev, camera])
-    return np.ascontiguousarray(np.vstack([_draw_caption(answer, panels.shape[1]), panels]))
+    return np.ascontiguousarray(np.vstack([_draw_caption(answer, said, panels.shape[1]), panels]))
 
 
-def _draw_caption(answer: Answer, width: int) -> ByteArray:
+def _draw_caption(answer: Answer, said: str, width: int) -> ByteArray:
     """Draw the caption: command, status and reasons."""
     band = np.full((_CAPTION_PX, width, 3), 24, np.uint8)
     status = answer.status.replace("_", " ")
-    put_text(band, f'"{_truncate(answer.query.command, width // 14)}"', (12, 28), WHITE, 0.7)
-    put_text(band, status, (12, 56), _STATUS_COLOUR.get(answer.status, RED), 0.6)
+    put_text(band, f'"{_truncate(said or answer.query.command, width // 14)}"', (12, 28), WHITE, 0.7)
+    told = f"{status}: {answer.question}" if answer.question else status
+    put_text(band, _truncate(told, width // 12), (12, 56), _STATUS_COLOUR.get(answer.status, RED), 0.6)
     for number, reason in enumerate(answer.reasons[: (_CAPTION_PX - 66) // _LINE_PX]):
         put_text(band, _truncate(reason, width // 10), (12, 82 + number * _LINE_PX), WHITE, 0.5)
     return band
@@ -72,7 +75,7 @@ def _truncate(text: str, characters: int = 200) -> str:
 
 
 def _draw_bev_panel(answer: Answer, show_costs: bool) -> ByteArray:
-    """Draw the map with numbered candidates, referent, route, and the ego at the goal."""
+    """Draw the map with its vehicles, numbered candidates, referent, route, and the ego at the goal."""
     bev = answer.scene.bev
     canvas = BEVCanvas(BEVGrid.surround() if bev is None else bev.grid, _SCALE)
     if bev is not None:
@@ -81,6 +84,8 @@ def _draw_bev_panel(answer: Answer, show_costs: bool) -> ByteArray:
     if show_costs and answer.plan.cost_field is not None:
         _shade_costs(canvas, answer.plan.cost_field)
     canvas.ego(answer.scene.ego)
+    for vehicle in answer.scene.objects:
+        canvas.line(vehicle.footprint(), _VEHICLE, 1, closed=True)
     for number, candidate in enumerate(answer.candidates, start=1):
         if candidate is not answer.referent:
             canvas.line(candidate.item.footprint(), YELLOW, 1, closed=True)
@@ -121,6 +126,7 @@ def _shade_costs(canvas: BEVCanvas, cost: FloatArray) -> None:
 def _draw_legend(canvas: BEVCanvas, answer: Answer) -> None:
     """Draw a legend of the colours in use."""
     entries = [("the car now", (60, 200, 90)), (UNKNOWN_LEGEND, HATCH_COLOUR)]
+    entries += [("vehicles", _VEHICLE)] if answer.scene.objects else []
     entries += [("the vehicle meant", RED)] if answer.referent else []
     entries += [("the place to go", CYAN)] if answer.target else []
     entries += [("the way, and other places", PALE_CYAN)] if answer.plan.route is not None else []
@@ -131,6 +137,8 @@ def _draw_legend(canvas: BEVCanvas, answer: Answer) -> None:
         else []
     )
     bottom = canvas.picture.shape[0]
+    behind = canvas.picture[bottom - 18 - len(entries) * _LINE_PX :, :_LEGEND_PX]
+    behind[:] = behind // 4  # legible on bright maps
     for row, (words, colour) in enumerate(entries):
         top = bottom - 12 - (len(entries) - row) * _LINE_PX
         cv2.rectangle(canvas.picture, (10, top), (22, top + 12), colour, -1)

@@ -20,7 +20,7 @@ MAPS = TrackerConfig(
         confirm_s=0.15,
         coast_s=0.35,
         coast_std_m=0.8,
-        coast_log_odds=-np.inf,
+        coast_chance=0.0,
         lost_s=2.2,
         memory_s=np.inf,
         motion=MotionConfig(
@@ -70,7 +70,7 @@ def _people(position_std_m: float, min_gate_m: float, coast_std_m: float) -> Tra
         confirm_s=0.03,
         coast_s=0.12,
         coast_std_m=coast_std_m,
-        coast_log_odds=-np.inf,
+        coast_chance=0.0,
         lost_s=0.3,
         forget_s=FORGET_S,
         forget_stationary_s=FORGET_S,

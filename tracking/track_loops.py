@@ -12,6 +12,12 @@ from tracking.compiled import compiled
 
 # Weight, in detections, of the configured colour spread against the spread over all tracks.
 _LAB_STD_WEIGHT = 10.0
+# Limits between levels of a track's score, as log-odds: sure tracks are detected again more often.
+_LEVELS = (0.0, 1.0, 2.0)
+# Largest number of missed frames that is told apart.
+_MOST_MISSED = 40
+# Prior rate of returns in a frame, and its weight in frames.
+_RETURN_RATE, _RETURN_WEIGHT = 0.2, 4.0
 # Variance of a median relative to that of a mean: pi / 2 for large Gaussian samples, plus an allowance for lighting.
 _MEDIAN_VARIANCE = 2.0
 
@@ -76,6 +82,13 @@ class MatchedDetections(NamedTuple):
     evidence: FloatArray
 
 
+def prior_returns() -> FloatArray:
+    """Return (2, L, K) the prior on returns and frames at risk, by level of score and number of missed frames."""
+    counts = np.full((2, len(_LEVELS) + 1, _MOST_MISSED + 1), _RETURN_WEIGHT)
+    counts[0] *= _RETURN_RATE
+    return counts
+
+
 @compiled
 def advance(
     state: TrackState,
@@ -111,8 +124,11 @@ def advance(
 @compiled
 def follow(
     state: TrackState,
+    model: ClassParameters,
     found: MatchedDetections,
     mean: FloatArray,
+    returns: FloatArray,
+    step_s: float,
     decay: float,
     weight: float,
     confirm_log_odds: float,
@@ -124,8 +140,11 @@ def follow(
 
     Args:
         state: changed in place.
+        model: class parameters of the tracks.
         found: M detections and their tracks.
         mean: (N, 4) states of the filters.
+        returns: see `prior_returns`; changed in place.
+        step_s: frame interval.
         decay: decay of the evidence from frame to frame.
         weight: weight of a frame.
         confirm_log_odds: see `LifecycleConfig`.
@@ -136,6 +155,7 @@ def follow(
     for m, n in enumerate(found.rows):
         state.detection[n], state.ground_m[n] = found.detection[m], found.position_world_m[m, 2]
         seconds = state.unseen_s[n]
+        _learn_return(state, model, returns, n, step_s, 1.0)
         state.tracked_s[n] += seconds
         state.unseen_s[n] = state.missed_s[n] = state.moved_s[n] = 0.0
         _add_evidence(state.detected, n, decay, weight, found.evidence[m])
@@ -168,10 +188,39 @@ def _add_evidence(evidence: FloatArray, track: int, decay: float, weight: float,
 
 
 @compiled
+def _log_odds(state: TrackState, model: ClassParameters, track: int) -> float:
+    """Return the mean evidence of the detections of a track, with the prior."""
+    prior = model.prior_log_odds[track] * model.prior_weight[track]
+    return (state.detected[0, track] + prior) / (state.detected[1, track] + model.prior_weight[track])
+
+
+@compiled
+def _level(log_odds: float) -> int:
+    level = 0
+    for limit in _LEVELS:
+        level += log_odds > limit
+    return level
+
+
+@compiled
+def _learn_return(
+    state: TrackState, model: ClassParameters, returns: FloatArray, track: int, step_s: float, returned: float
+) -> None:
+    """Learn from a frame in which a confirmed track could return after missed frames."""
+    missed = int(state.unseen_s[track] / step_s + 0.5) - 1  # before this frame
+    if state.confirmed[track] and 0 < missed <= _MOST_MISSED:
+        level = _level(_log_odds(state, model, track))
+        returns[0, level, missed] += returned
+        returns[1, level, missed] += 1.0
+
+
+@compiled
 def count_misses(
     state: TrackState,
+    model: ClassParameters,
     blind: BoolArray,
-    log_odds: FloatArray,
+    returns: FloatArray,
+    step_s: float,
     seconds: float,
     decay: float,
     weight: float,
@@ -187,25 +236,44 @@ def count_misses(
             state.missed_s[n] = max(state.missed_s[n] - seconds, 0.0)
         elif state.detection[n] < 0:
             _add_evidence(state.with_misses, n, decay, weight, miss_log_odds)
+            _learn_return(state, model, returns, n, step_s, 0.0)
         remembered_s = forget_stationary_s if state.stationary[n] else forget_s
-        missed_for_s = (remembered_s if log_odds[n] > 0 else lost_s) if state.confirmed[n] else 0.0
+        missed_for_s = (remembered_s if _log_odds(state, model, n) > 0 else lost_s) if state.confirmed[n] else 0.0
         expired[n] = state.missed_s[n] > missed_for_s or state.unseen_s[n] > remembered_s
 
 
 @compiled
 def find_reportable(
     state: TrackState,
-    log_odds: FloatArray,
+    model: ClassParameters,
     std_m: FloatArray,
-    coast_log_odds: float,
+    returns: FloatArray,
+    step_s: float,
+    lost_s: float,
+    coast_chance: float,
     coast_std_m: float,
     coast_s: float,
     reported: BoolArray,
 ) -> None:
-    """See `TrackTable.reportable`, with scores (N,) and deviations of positions (N,); written to `reported` (N,)."""
+    """See `TrackTable.reportable`, with deviations of positions (N,); written to `reported` (N,)."""
     for n in range(len(reported)):
-        coasting = log_odds[n] >= coast_log_odds and std_m[n] <= coast_std_m and state.unseen_s[n] <= coast_s
-        reported[n] = state.confirmed[n] and (state.unseen_s[n] == 0 or coasting)
+        reported[n] = state.confirmed[n] and state.unseen_s[n] == 0
+        if state.confirmed[n] and 0 < state.unseen_s[n] <= coast_s and std_m[n] <= coast_std_m:
+            level = _level(_log_odds(state, model, n))
+            reported[n] = _chance_to_return(returns, level, state.unseen_s[n], step_s, lost_s) >= coast_chance
+
+
+@compiled
+def _chance_to_return(returns: FloatArray, level: int, unseen_s: float, step_s: float, lost_s: float) -> float:
+    """Return the chance that a track is detected again before it is lost.
+
+    It is the estimate of Kaplan and Meier (J. Am. Stat. Assoc. 53, 1958): one minus the product of the rates of
+    staying away in each further frame.
+    """
+    stays_away, last = 1.0, min(int(lost_s / step_s + 1e-6), _MOST_MISSED)
+    for missed in range(max(int(unseen_s / step_s + 0.5), 1), last + 1):
+        stays_away *= 1.0 - returns[0, level, missed] / returns[1, level, missed]
+    return 1.0 - stays_away
 
 
 @compiled

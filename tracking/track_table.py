@@ -19,6 +19,7 @@ from tracking.track_loops import (
     count_misses,
     find_reportable,
     follow,
+    prior_returns,
     shrunk_variance,
 )
 from tracking.tracks import Tracks
@@ -40,8 +41,7 @@ class LifecycleConfig:
         confirm_s: otherwise a track is confirmed after this time without a miss.
         coast_s: maximum time an unmatched track is reported at its predicted position.
         coast_std_m: maximum standard deviation of that position.
-        coast_log_odds: minimum score of a track that coasts, as log-odds: it falls with each miss. Tracks of objects
-            that were always sure go on, those of unsure ones end where their detections do.
+        coast_chance: minimum chance 0..1 that the track is detected again, as learnt from the recording.
         lost_s: time without a detection after which a track is lost; only the lost stage can match it again.
         forget_s: time without a detection after which a track is deleted.
         forget_stationary_s: the same for stationary tracks, which may be occluded for long.
@@ -63,9 +63,9 @@ class LifecycleConfig:
     confirm_log_odds: float = -np.inf
     confirm_first_log_odds: float = np.inf
     confirm_s: float = 0.0
-    coast_s: float = 0.6
+    coast_s: float = 1.2
     coast_std_m: float = 1.2
-    coast_log_odds: float = -1.0
+    coast_chance: float = 0.4
     lost_s: float = 1.2
     forget_s: float = 8.0
     forget_stationary_s: float = 30.0
@@ -93,7 +93,13 @@ class TrackTable:
         """Start with no tracks."""
         self._config, self._classes = config, classes
         self._lab_prior = np.array(config.lab_std), float(config.lab_prior_weight)
-        self._coasting = float(config.coast_log_odds), float(config.coast_std_m), float(config.coast_s)
+        self._coasting = (
+            float(config.lost_s),
+            float(config.coast_chance),
+            float(config.coast_std_m),
+            float(config.coast_s),
+        )
+        self._returns = prior_returns()
         self._limits = (
             float(config.miss_log_odds),
             float(config.lost_s),
@@ -126,11 +132,7 @@ class TrackTable:
 
         Later frames count more: the weights decay with `memory_s`.
         """
-        return probability_from_log_odds(self._score_log_odds)
-
-    @property
-    def _score_log_odds(self) -> FloatArray:
-        return self._mean_log_odds(self.state.with_misses)
+        return probability_from_log_odds(self._mean_log_odds(self.state.with_misses))
 
     @property
     def log_odds(self) -> FloatArray:
@@ -149,9 +151,17 @@ class TrackTable:
 
     @property
     def reportable(self) -> BoolArray:
-        """(N,) whether a track is confirmed and matched, or coasts: likely there, at a well-known position."""
+        """(N,) whether a track is confirmed and matched, or coasts: likely to return, at a well-known position."""
         reported = np.empty(len(self), np.bool_)
-        find_reportable(self.state, self._score_log_odds, self.filters.position_std_m(), *self._coasting, reported)
+        find_reportable(
+            self.state,
+            self._models,
+            self.filters.position_std_m(),
+            self._returns,
+            self._step_s,
+            *self._coasting,
+            reported,
+        )
         return reported
 
     def predict(self, seconds: float) -> None:
@@ -185,8 +195,19 @@ class TrackTable:
             log-odds expire once lost. Time in a blind spot is no miss, but `forget_s` and `forget_stationary_s` apply
             there too.
         """
-        expired, log_odds = np.empty(len(self), np.bool_), self.log_odds
-        count_misses(self.state, blind, log_odds, seconds, self._decay, self._weight, *self._limits, expired)
+        expired = np.empty(len(self), np.bool_)
+        count_misses(
+            self.state,
+            self._models,
+            blind,
+            self._returns,
+            self._step_s,
+            seconds,
+            self._decay,
+            self._weight,
+            *self._limits,
+            expired,
+        )
         return expired
 
     def features(self) -> TrackFeatures:
@@ -280,7 +301,17 @@ class TrackTable:
             found.log_odds,
             found.evidence,
         )
-        follow(self.state, matched, self.filters.mean, self._decay, self._weight, *self._confirmation)
+        follow(
+            self.state,
+            self._models,
+            matched,
+            self.filters.mean,
+            self._returns,
+            self._step_s,
+            self._decay,
+            self._weight,
+            *self._confirmation,
+        )
 
     def tracks(self, mask: BoolArray) -> Tracks:
         """Return the tracks of a mask (N,)."""
@@ -299,4 +330,5 @@ class TrackTable:
             kind=tuple(kinds[index] for index in self.state.kind[rows].tolist()),
             detection=self.state.detection[rows],
             moving=self.state.moving[rows],
+            velocity_known=(self.state.moving | self.state.stationary)[rows],
         )

@@ -30,6 +30,7 @@ class Track:
         kind: category of its detections.
         detection: index of the matched detection; None if not `seen`.
         moving: whether the velocity is significantly different from zero.
+        velocity_known: whether standing and moving are told apart; a vehicle that was detected once may do either.
     """
 
     id: int
@@ -46,6 +47,7 @@ class Track:
     kind: str = "vehicle"
     detection: int | None = None
     moving: bool = False
+    velocity_known: bool = True
 
     def __post_init__(self) -> None:
         """Check shapes.
@@ -88,6 +90,7 @@ class Tracks:
     kind: tuple[str, ...]
     detection: IntArray
     moving: BoolArray
+    velocity_known: BoolArray
 
     def __len__(self) -> int:
         """Number of tracks."""
@@ -112,6 +115,7 @@ class Tracks:
             kind=self.kind[i],
             detection=detection if detection >= 0 else None,
             moving=bool(self.moving[i]),
+            velocity_known=bool(self.velocity_known[i]),
         )
 
     def __iter__(self) -> Iterator[Track]:

@@ -31,7 +31,8 @@ tracks.webm  The vehicles of the predicted maps followed through all {samples} k
 tracks.png   Key frame {frame} of it.
 {pictures}
              The vehicle that was meant (red), and the place where the car should stand (cyan), in the map and in
-             the camera that sees the vehicle best.
+             the camera that sees the vehicle best. The map is the predicted one, the vehicles are the tracks. Where
+             a sentence fits several vehicles, a question comes first; it and the reply (>) are below.
 {conversation_picture}
              The goal at the end of the conversation below, on the true map.
 dataset/     The recording itself, in the nuScenes schema (images, LiDAR sweeps, boxes, vector map), and under bev/
@@ -91,12 +92,13 @@ def explanation(
         conversation: answers of a conversation, each with `said` and `text`.
     """
     root, video = quote(str(out / "dataset")), quote(str(out / "tracks.webm"))
+    tracks = quote(str(out / "dataset" / "tracks" / "predicted" / SCENE / "tracking.json"))
     asked, command = f"--scene {SCENE} --frame {frame}", answers[0]["query"]["command"]
     steps = [
         f"appocc infer {root} --scene {SCENE} --out {root}/bev/predicted",
         f"appocc eval bev {root} --bev predicted",
         f"appocc track scene {root} --scene {SCENE} --bev predicted --video {video}",
-        f'appocc ground "{command}" {root} {asked} --bev predicted --picture {quote(str(out / "ground-1.png"))}',
+        f'appocc ground "{command}" {root} {asked} --bev predicted --tracks {tracks} --picture ground.png',
     ]
     tries = [
         f"appocc serve {quote(str(out))}",

@@ -17,6 +17,7 @@ from appocc.checks import BoolArray, FloatArray
 from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.geometry import apply, inverse
+from appocc.inference.exposure import brightening_exponent
 from appocc.models.base import BEVModel, ViewTransformPlan
 from appocc.models.input_images import fit_image, select_channels
 from appocc.models.memory import MEMORY_AGE_S, MIN_MEMORY_AGE_S, Past, ground_motion, is_linked
@@ -24,7 +25,7 @@ from appocc.models.model_spec import ModelSpec
 from appocc.models.object_decoding import decode_objects, fuse_vehicles, paint_objects, rescore_objects
 
 # Version of what a map depends on besides its inputs and weights: change it with the values of maps.
-MAP_RULES = 3
+MAP_RULES = 4
 
 
 @dataclass(frozen=True)
@@ -110,6 +111,8 @@ class Predictor:
         stacked, rig = stack_images(frame, spec)
         plan = self._plan(_levelled(rig, frame.ego_from_level))
         images = stacked.to(self._device).float()[None] / 255
+        exponent = brightening_exponent(images)
+        images = images**exponent if exponent < 1 else images
         past = self._past(frame)
         with torch.inference_mode():
             output = self.model(images, plan, past)
@@ -117,7 +120,7 @@ class Predictor:
             colour = None if output.appearance is None else output.appearance[0].float().cpu().numpy()
         seen = plan.seen[0].cpu().numpy()
         shape = spec.grid.shape
-        rgb = np.zeros((3, *shape)) if colour is None else colour.clip(0, 1) * 255
+        rgb = np.zeros((3, *shape)) if colour is None else colour.clip(0, 1) ** (1 / exponent) * 255
         if not np.isfinite(occupancy).all() or not np.isfinite(rgb).all():
             raise DataError(f"{frame.token}: the model output is not finite; are its weights ({self.weights.name})?")
         if output.memory is not None:

@@ -11,6 +11,7 @@ from grounding.answer import Answer
 from grounding.describe import describe_object, target_to_dict
 from grounding.goal.planner import Target
 from grounding.referent.resolver import Candidate
+from grounding.referent.scene import SceneModel
 
 
 def turn_as_json(said: str, frame: int, answer: Answer) -> dict[str, Any]:
@@ -29,33 +30,43 @@ def turn_as_json(said: str, frame: int, answer: Answer) -> dict[str, Any]:
     }
 
 
-def shown_as_json(answer: Answer) -> dict[str, Any]:
-    """Return what an answer shows in map and cameras, in the ego frame of its key frame."""
-    plan, referent = answer.plan, answer.referent
+def shown_as_json(goal: Answer | None, answer: Answer | None) -> dict[str, Any] | None:
+    """Return what map and cameras show of a conversation in the ego frame of its key frame; None: nothing.
+
+    Args:
+        goal: the answer whose goal is in force.
+        answer: the answer to the last sentence, if it is about this key frame: the vehicle that it names, and the
+            nearest place if there is none for the sentence.
+    """
+    in_force, told = goal or answer, answer or goal
+    if in_force is None or told is None:
+        return None
+    plan, referent = in_force.plan, told.referent or in_force.referent
     partner = None if referent is None or referent.partner is None else referent.partner.id
     return {
-        "status": answer.status,
         "referents": [one for one in (referent.item.id if referent else None, partner) if one is not None],
-        "target": _target(answer.target),
-        "nearest": _target(plan.nearest),
+        "target": _target(in_force.target),
+        "nearest": _target(told.plan.nearest),
         "runners_up": [_points(one.footprint()) for one in plan.runners_up],
         "route": None if plan.route is None else _points(plan.route),
-        "steps": [_target(step.target) for step in answer.steps[:-1] if step.target is not None],
+        "steps": [_target(step.target) for step in in_force.steps[:-1] if step.target is not None],
     }
 
 
-def candidates_as_json(candidates: Sequence[Candidate], answer: Answer) -> list[dict[str, Any]]:
-    """Return the vehicles that can be chosen, by number from 1; the referent of the answer is left out."""
-    chosen = None if answer.referent is None else answer.referent.item.id
+def candidates_as_json(
+    candidates: Sequence[Candidate], scene: SceneModel, chosen: Candidate | None
+) -> list[dict[str, Any]]:
+    """Return the vehicles of a scene that can be chosen, by number from 1; the one that is meant is left out."""
+    meant = None if chosen is None else chosen.item.id
     return [
         {
             "number": number,
             "id": one.item.id,
-            "words": describe_object(one.item, answer.scene),
+            "words": describe_object(one.item, scene),
             "rgb": None if one.item.rgb is None else [round(float(v)) for v in one.item.rgb],
         }
         for number, one in enumerate(candidates, start=1)
-        if one.item.id != chosen
+        if one.item.id != meant
     ]
 
 

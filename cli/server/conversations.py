@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from threading import Lock
 from typing import Any
@@ -12,6 +13,8 @@ from cli.server.answers import candidates_as_json, shown_as_json, turn_as_json
 from cli.server.moments import Moments
 from cli.server.recording import Place, Recording
 from grounding import Answer, Grounder, Session
+from grounding.describe import describe_object
+from grounding.referent.scene import SceneModel
 
 # Conversations that are kept, the turns of each, and the longest sentence.
 _MOST_TALKS, _MOST_TURNS, MOST_CHARACTERS = 64, 200, 500
@@ -26,7 +29,10 @@ class Talk:
         about: recording, scene and source of the maps; None before the first sentence.
         frame: key frame of the scene that is set.
         session: the conversation; None before the first sentence.
-        shown: answer that map and cameras show; None without one.
+        grounder: holds the scene that is set; None before the first sentence.
+        goal: answer whose goal is in force, planned for this key frame; None without one, or if its vehicle is lost.
+        answer: answer to the last sentence; None after the scene has moved on.
+        lost: why the goal in force cannot be planned for this key frame; ''.
         turns: sentences and answers in words.
         lock: held while a sentence is answered.
     """
@@ -35,9 +41,17 @@ class Talk:
     about: tuple[str, int, str] | None = None
     frame: int = -1
     session: Session | None = None
-    shown: Answer | None = None
+    grounder: Grounder | None = None
+    goal: Answer | None = None
+    answer: Answer | None = None
+    lost: str = ""
     turns: list[dict[str, Any]] = field(default_factory=list)
     lock: Lock = field(default_factory=Lock)
+
+    @property
+    def scene(self) -> SceneModel | None:
+        """The scene that is set; None before the first sentence."""
+        return self.grounder.scene if self.grounder else None
 
 
 class Conversations:
@@ -70,7 +84,7 @@ class Conversations:
             raise DataError(f"expected a sentence of 1 to {MOST_CHARACTERS} characters, got {len(text)}")
         with talk.lock:
             session = self._moved(talk, recording, place)
-            return _answered(talk, text, session.say(text))
+            return _answered(talk, session, text, lambda: session.say(text))
 
     def choose(self, talk: Talk, recording: Recording, place: Place, vehicle: str) -> dict[str, Any]:
         """Choose a vehicle of the last question or answer by its id: numbers change while the scene moves.
@@ -80,15 +94,13 @@ class Conversations:
         """
         with talk.lock:
             session = self._moved(talk, recording, place)
-            numbers = {one.item.id: number for number, one in enumerate(session.candidates, start=1)}
-            if vehicle not in numbers:
+            numbered = enumerate(session.candidates, start=1)
+            found = next(((number, one.item) for number, one in numbered if one.item.id == vehicle), None)
+            if found is None or talk.scene is None:
                 raise NotFoundError("this vehicle is no longer in view: please say it again")
-            words = next(
-                one["words"]
-                for one in candidates_as_json(session.candidates, talk.shown)  # type: ignore[arg-type]
-                if one["id"] == vehicle
-            )
-            return _answered(talk, f"the {words}", session.choose(numbers[vehicle]))
+            number, item = found
+            words = f"the {describe_object(item, talk.scene)}"
+            return _answered(talk, session, words, lambda: session.choose(number))
 
     def move(self, talk: Talk, recording: Recording, place: Place) -> dict[str, Any]:
         """Follow to another key frame of the scene and replan; a talk about another scene is not changed."""
@@ -111,17 +123,23 @@ class Conversations:
             grounder = Grounder()
             grounder.set_street_map(recording.street_map(place.scene))
             grounder.set_scene(bev, vehicles, pose)
-            talk.session, talk.turns, talk.shown = grounder.session(), [], None
+            talk.grounder, talk.session = grounder, grounder.session()
+            talk.turns, talk.goal, talk.lost = [], None, ""
         else:
-            talk.shown = talk.session.update(bev, vehicles, pose) or talk.shown
+            planned = talk.session.update(bev, vehicles, pose)
+            lost = planned is not None and planned.status != "ok"
+            talk.goal, talk.lost = (None, planned.reasons[0]) if planned and lost else (planned, "")
+        talk.answer = None
         talk.about, talk.frame = about, place.frame
         return talk.session
 
 
-def _answered(talk: Talk, text: str, answer: Answer) -> dict[str, Any]:
+def _answered(talk: Talk, session: Session, text: str, ask: Callable[[], Answer]) -> dict[str, Any]:
+    before = session.goal
+    talk.answer = answer = ask()
     talk.turns = [*talk.turns, turn_as_json(text, talk.frame, answer)][-_MOST_TURNS:]
-    goal = talk.session.goal if talk.session and is_aside(talk.turns[-1]) else None
-    talk.shown = goal or answer  # the goal in force stays in view
+    if session.goal is not before:  # else the goal in force stays as it is
+        talk.goal, talk.lost = session.goal, ""
     return talk_as_json(talk)
 
 
@@ -136,18 +154,21 @@ def talk_as_json(talk: Talk) -> dict[str, Any]:
     if talk.about is not None:
         recording, scene, source = talk.about
         about = {"recording": recording, "scene": scene, "source": source, "frame": talk.frame}
-    answer, session = talk.shown, talk.session
-    found: dict[str, Any] = {"talk": talk.key, "about": about, "turns": talk.turns, "shown": None}
-    if answer is None or session is None:
+    session, now = talk.session, talk.scene
+    shown = shown_as_json(talk.goal, talk.answer)
+    found: dict[str, Any] = {"talk": talk.key, "about": about, "turns": talk.turns, "shown": shown, "lost": talk.lost}
+    if session is None or now is None or not talk.turns:
         return {**found, "candidates": [], "replies": []}
-    asks_yes_or_no = bool(answer.plan.question) or (bool(session.question) and len(session.candidates) == 1)
+    proposes = talk.answer is not None and bool(talk.answer.plan.question)
+    asks_yes_or_no = proposes or (bool(session.question) and len(session.candidates) == 1)
     # The candidates of an earlier goal are none for a sentence that finds nothing, or that is not about it.
-    other = answer.status == "not_found" or is_aside(talk.turns[-1])
-    offered = () if other and not session.question else session.candidates
+    last = talk.turns[-1]
+    asks = last["question"] if last["status"] == "not_found" else session.question or not is_aside(last)
+    offered = session.candidates if asks else ()
+    told = talk.answer or talk.goal
     return {
         **found,
-        "shown": shown_as_json(answer),
-        "candidates": candidates_as_json(offered, answer),
+        "candidates": candidates_as_json(offered, now, told.referent if told else None),
         "replies": ["yes", "no"] if asks_yes_or_no else [],
     }
 

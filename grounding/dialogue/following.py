@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from appocc.geometry import apply, inverse, wrap_angle
-from appocc.motion_state import STANDING_MPS
 from grounding.answer import Answer
 from grounding.answering import Request, Sighting
 from grounding.describe import describe_object
@@ -92,7 +91,7 @@ def has_happened(event: str, first: Sighting, item: SceneObject | None, scene: S
         "leave": moved_m > _LEFT_M,
         "pass": ahead != first.ahead,
         "turn": abs(float(wrap_angle(scene.world_heading(item.yaw_rad) - first.heading_rad))) > _TURNED_RAD,
-        "stop": item.speed_mps is not None and item.speed_mps < STANDING_MPS,
+        "stop": item.is_standing is True,
         "merge": lateral_m < LANE_M / 2,
         "clear": not ahead or lateral_m > LANE_M,
     }

@@ -9,7 +9,6 @@ import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.geometry import wrap_angle
-from appocc.motion_state import STANDING_MPS
 from grounding.goal.candidates import CandidateSet
 from grounding.road.free_space import gap_m, round_heading
 from grounding.road.road_map import RoadMap, align_axis
@@ -54,7 +53,7 @@ class ReferenceVehicle:
     @cached_property
     def is_standing(self) -> bool:
         """Whether the vehicle stands, or its speed is unknown."""
-        return self.item.speed_mps is None or self.item.speed_mps < STANDING_MPS
+        return self.item.is_standing is not False
 
     @cached_property
     def lane_position(self) -> tuple[float, float]:

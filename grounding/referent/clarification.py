@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from appocc.ego_vehicle import EgoVehicle
-from appocc.motion_state import STANDING_MPS
 from grounding.referent.scene import SceneModel
 from grounding.road.lane_model import LANE_M
 from grounding.scene_object import SceneObject
@@ -55,17 +54,14 @@ def _traits(item: SceneObject, scene: SceneModel) -> dict[str, str]:
     """Return the words for each trait of an object; '' for a trait that it does not have."""
     _, lateral_m = scene.lanes.project(item.centre_m[None])
     x, y = item.centre_m[0] - scene.ego.centre_m, item.centre_m[1]
-    motion = ""
-    if item.speed_mps is not None:
-        facing = item.front_known and abs(item.yaw_rad) > _FACING_RAD
-        moves = "coming towards us" if facing else "moving"
-        motion = "standing" if item.speed_mps < STANDING_MPS else moves
+    facing = item.front_known and abs(item.yaw_rad) > _FACING_RAD
+    moves = "coming towards us" if facing else "moving"
     return {
         "colour": scene.colour_name(item) or "",
         "class": item.common_name,
         "behind": "behind us" if x < -_BEHIND_M else "",
         "side": "on the left" if y > _ASIDE_M else "on the right" if y < -_ASIDE_M else "straight on",
-        "motion": motion,
+        "motion": {True: "standing", False: moves, None: ""}[item.is_standing],
         "lane": "in our lane" if abs(float(lateral_m[0])) < LANE_M / 2 else "",
     }
 
@@ -82,9 +78,14 @@ def _distinctive_traits(own: dict[str, str], others: list[dict[str, str]]) -> se
 
 
 def _differ(trait: str, one: str, other: str) -> bool:
-    """Return whether two values of a trait differ for certain; "silver" and "silver or grey" may be the same."""
+    """Return whether two values of a trait differ for certain.
+
+    "silver" and "silver or grey" may be the same, and unknown motion may be that of the other.
+    """
     if trait == "colour":
         return bool(one and other) and not {*one.split(" or ")} & {*other.split(" or ")}
+    if trait == "motion":
+        return bool(one and other) and one != other
     return one != other
 
 

@@ -88,7 +88,7 @@ def _adjust_by_size(noun: str, head: str, fit: FloatArray, table: ObjectTable) -
     length, height = table.size_m[:, 0], table.size_m[:, 2]
     car, truck = (np.array([one == name for one in table.class_names], np.bool_) for name in ("car", "truck"))
     # Minivans are as tall as the tallest SUVs, and count as vans.
-    mini = rising(height, 1.71, 0.015)
+    mini = rising(height, 1.685, 0.02)
     tall = fill_unknown(mini if "mini" in head else 0.45 * mini + 0.55 * rising(height, 1.9, 0.06))
     if noun == "van":
         # Pickups are tall too; vans that are annotated as trucks are taller.

@@ -16,7 +16,6 @@ from appocc.colours import Exposure, gains_of, name, names
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import AppoccError
 from appocc.geometry import apply, inverse, wrap_angle, yaw_of
-from appocc.motion_state import MOVING_MPS
 from appocc.objects import BEVObjects
 from appocc.srgb import encode_srgb, linear_from_srgb
 from grounding.referent.object_table import ObjectTable
@@ -294,9 +293,7 @@ def _from_track(
         yaw = _align_with_motion(yaw, rotation @ track.velocity_world_mps)
     previous = None if earlier is None else earlier.get(track.id)
     if not track.moving:
-        # The speed of a track that was detected only once is unknown.
-        uncertain = track.speed_mps > MOVING_MPS or (earlier is not None and previous is None)
-        velocity = None if uncertain else np.zeros(2)
+        velocity = np.zeros(2) if track.velocity_known else None
     return SceneObject(
         id=f"track {track.id}",
         category="" if track.kind == "vehicle" else track.kind,

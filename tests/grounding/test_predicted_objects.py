@@ -70,7 +70,7 @@ def test_a_goal_before_a_person() -> None:
     assert answer.referent is not None
     assert answer.referent.item.class_name == "person"
     assert 5 < answer.target.ego_m[0] < 15
-    assert "'pedestrian' is the person 14 m away, ahead" in answer.reasons
+    assert "'pedestrian' is the person 14 m away, ahead, speed not known" in answer.reasons
     without = ask("stop before the pedestrian", *CARS)
     assert without.status == "not_found"
     assert without.reasons[0] == "only vehicles are known here, and no people"

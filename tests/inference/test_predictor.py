@@ -15,6 +15,7 @@ from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.inference import loading
+from appocc.inference.exposure import DARK
 from appocc.inference.loading import load_predictor
 from appocc.inference.predictor import select_cameras
 from appocc.levelling import ground_pose
@@ -47,6 +48,16 @@ def test_a_map_says_what_the_network_said(tiny: TinyDataset) -> None:
     assert bev.meta["thresholds"] == {"road": 0.5, "vehicle": 0.4, "lane": 0.5}
     assert (bev.meta["token"], bev.meta["timestamp_us"]) == (frame.token, frame.timestamp_us)
     assert bev.meta["cameras"] == ["CAM_FRONT", "CAM_BACK"]
+
+
+def test_dark_pictures_are_brightened_for_the_network_and_its_colours_stay_dark(tiny: TinyDataset) -> None:
+    frame, model = frame_of(tiny), MadeModel()
+    dark = replace(frame, images={name: image // 5 for name, image in frame.images.items()})
+    seen: list[float] = []
+    model.register_forward_pre_hook(lambda _, given: seen.append(float(given[0].mean())))
+    bev, _ = predictor(model)(dark)
+    assert seen == [pytest.approx(DARK, abs=0.03)]
+    assert np.abs(bev.appearance[:, 0, 0].astype(int) - [32, 16, 8]).max() <= 2
 
 
 def test_the_network_sees_the_cameras_in_the_level_frame(tiny: TinyDataset) -> None:

@@ -9,6 +9,7 @@ import pytest
 from made_detections import follow, seen
 
 from tracking.class_models import CLASS_MODELS, ClassModel, ClassTable
+from tracking.detections import Detections
 from tracking.track_table import LifecycleConfig
 from tracking.tracker import Tracker, TrackerConfig
 from tracking.world_detections import detections_in_world
@@ -16,20 +17,39 @@ from tracking.world_detections import detections_in_world
 NOWHERE = np.zeros((0, 2))
 
 
-def coasted(log_odds: float) -> int:
-    """Number of frames for which a car is reported that is detected for a second with given log-odds."""
-    moments = follow(lambda i: seen([(10, 0)] if i < 10 else NOWHERE, log_odds=log_odds), 30)
-    return sum(not track.seen for moment in moments[10:] for track in moment)
+# Places of cars that are all detected at once, and when none is detected.
+ROW = [(x, y) for x in (-20, 0, 20) for y in (-10, 10)]
+PERIOD, AWAY = 10, 4
 
 
-def test_a_sure_track_coasts_and_an_unsure_one_ends_with_its_detections() -> None:
-    assert coasted(4.0) == 6
-    assert coasted(-1.5) == 0
-    assert 0 <= coasted(-0.7) < 6
+def gaps(returning: bool, periods: int = 12) -> list[int]:
+    """Numbers of coasted tracks in the frames of the last gap; the cars return after gaps, or others appear."""
+
+    def at(i: int) -> Detections:
+        period, frame = divmod(i, PERIOD)
+        shift = 0.0 if returning or period % 2 == 0 else 5.0
+        return seen(NOWHERE if frame >= PERIOD - AWAY else [(x + shift, y) for x, y in ROW])
+
+    moments = follow(at, periods * PERIOD)
+    return [sum(not track.seen for track in moment) for moment in moments[-AWAY:]]
 
 
-def test_the_score_at_which_a_track_stops_can_be_set() -> None:
-    tracker = Tracker(TrackerConfig(lifecycle=LifecycleConfig(coast_log_odds=-np.inf)))
+def test_tracks_coast_where_tracks_of_the_recording_return() -> None:
+    assert gaps(returning=True) == [len(ROW)] * AWAY
+
+
+def test_tracks_end_with_their_detections_where_none_returns() -> None:
+    assert gaps(returning=False)[0] < len(ROW)
+    assert gaps(returning=False)[-1] == 0
+
+
+def test_a_track_coasts_at_first_for_as_long_as_a_return_is_likely() -> None:
+    moments = follow(lambda i: seen([(10, 0)] if i < 10 else NOWHERE), 30)
+    assert 3 <= sum(not track.seen for moment in moments[10:] for track in moment) <= 12
+
+
+def test_the_chance_at_which_a_track_stops_can_be_set() -> None:
+    tracker = Tracker(TrackerConfig(lifecycle=LifecycleConfig(coast_chance=0.0, coast_s=0.6)))
     moments = follow(lambda i: seen([(10, 0)] if i < 10 else NOWHERE, log_odds=-1.5), 30, tracker=tracker)
     assert sum(not track.seen for moment in moments[10:] for track in moment) == 6
 

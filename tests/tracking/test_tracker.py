@@ -223,7 +223,7 @@ def test_a_car_that_enters_where_another_left_is_new() -> None:
 
 
 def test_the_life_cycle_can_be_set() -> None:
-    config = TrackerConfig(lifecycle=LifecycleConfig(coast_s=1.0, coast_std_m=5.0))
+    config = TrackerConfig(lifecycle=LifecycleConfig(coast_s=1.0, coast_std_m=5.0, coast_chance=0.0))
     assert [ids(moment) for moment in follow([gap(1.0, 2.0)], every(0.2, 2), config=config)] == [[1]] * 11
 
 

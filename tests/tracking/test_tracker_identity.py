@@ -106,7 +106,7 @@ def test_a_score_is_the_mean_of_what_was_seen_and_some_doubt() -> None:
 
 
 def test_misses_lower_the_score_and_do_not_delete_a_sure_track() -> None:
-    tracker = Tracker(TrackerConfig(lifecycle=LifecycleConfig(coast_s=3.0, coast_std_m=np.inf)))
+    tracker = Tracker(TrackerConfig(lifecycle=LifecycleConfig(coast_s=3.0, coast_std_m=np.inf, coast_chance=0.0)))
     result = follow(lambda i: seen([[10, 0]] if i < 20 or i == 40 else []), 41, tracker=tracker)
     scores = [states[0].score for states in result]
     assert (np.diff(scores[19:40]) < 0).all()

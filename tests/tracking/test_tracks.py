@@ -61,10 +61,12 @@ def test_tracks_are_a_sequence_of_tracks() -> None:
         kind=("car", "bus"),
         detection=np.array([5, -1]),
         moving=np.array([True, False]),
+        velocity_known=np.array([True, False]),
     )
     one, other = tracks
     assert (len(tracks), one.id, one.kind, one.speed_mps, one.seen, one.detection) == (2, 3, "car", 5.0, True, 5)
     assert (one.width_m, one.length_m, one.moving, one.heading_known) == (1.8, 4.5, True, True)
+    assert (one.velocity_known, other.velocity_known) == (True, False)
     assert (other.seen, other.detection, other.height_m, other.score) == (False, None, 3.2, 0.4)
 
 

@@ -19,6 +19,7 @@ from scipy.ndimage import gaussian_filter1d
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.errors import ShapeError
 from appocc.geometry import wrap_angle
+from appocc.motion_state import MOVING_MPS
 from tracking.filtering.kalman import KalmanFilters, MotionConfig, acceleration_psd, oriented_covariance
 from tracking.tracks import Track, check_times, group_by_track
 
@@ -119,6 +120,7 @@ def _smooth_path(path: _TrackPath, config: SmoothingConfig) -> Iterator[tuple[in
     times_s, rows, states = path
     smoothed = _smooth_states(path, config.motion)
     moving = smoothed.is_moving()
+    velocity_known = moving | smoothed.is_stationary(MOVING_MPS)
     yaw_rad, ground_m = _headings_and_heights(path, smoothed.mean[:, 2:], moving, config)
     rgb, length_m, width_m, height_m = map(path.median, ("rgb", "length_m", "width_m", "height_m"))
     gap_s = np.append(np.diff(times_s[rows]), 0.0)
@@ -143,6 +145,7 @@ def _smooth_path(path: _TrackPath, config: SmoothingConfig) -> Iterator[tuple[in
                 kind=states[index].kind,
                 detection=states[index].detection if seen else None,
                 moving=bool(moving[row]),
+                velocity_known=bool(velocity_known[row]),
             ),
         )
 

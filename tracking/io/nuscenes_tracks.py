@@ -22,7 +22,7 @@ _Two = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
 class _Box(JsonPart):
-    """A track; the last three keys are those that `tracking.io.writers` adds."""
+    """A track; the last four keys are those that `tracking.io.writers` adds."""
 
     translation: _Three
     size: _Three
@@ -34,6 +34,7 @@ class _Box(JsonPart):
     rgb: _Three | None = None
     seen: bool = True
     heading_known: bool | None = None
+    velocity_known: bool = True
 
 
 class _Results(JsonPart):
@@ -75,7 +76,6 @@ def _track(number: int, box: _Box) -> Track:
     width_m, length_m, height_m = box.size
     x, y, z = box.translation
     velocity = np.array(box.velocity)
-    moving = bool(np.hypot(*velocity) > MOVING_MPS)
     name = str(box.tracking_id)
     return Track(
         id=int(name) if name.isascii() and name.isdigit() else number,
@@ -91,5 +91,6 @@ def _track(number: int, box: _Box) -> Track:
         seen=box.seen,
         height_m=height_m,
         kind=box.tracking_name,
-        moving=moving,
+        moving=box.velocity_known and bool(np.hypot(*velocity) > MOVING_MPS),
+        velocity_known=box.velocity_known,
     )

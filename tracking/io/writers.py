@@ -52,8 +52,8 @@ def write_nuscenes(
     """Write nuScenes tracking results; every sample of the scene is present, including those without tracks.
 
     In addition to the keys of the benchmark, each entry has `rgb` (mean sRGB 0..255, null if unknown), `seen` (false
-    if the position is predicted) and `heading_known`. The translation is the centre of the box; unknown heights are
-    those of the class.
+    if the position is predicted), `heading_known` and `velocity_known`. The translation is the centre of the box;
+    unknown heights are those of the class.
 
     Args:
         path: file to write.
@@ -92,6 +92,7 @@ def _entry(sample_token: str, track: Track, name: str) -> dict[str, Any]:
         "rgb": np.round(track.rgb, 1).tolist() if np.isfinite(track.rgb).all() else None,
         "seen": track.seen,
         "heading_known": track.heading_known,
+        "velocity_known": track.velocity_known,
     }
 
 

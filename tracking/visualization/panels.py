@@ -116,7 +116,7 @@ def draw_camera_panel(
 
 
 def draw_list_panel(tracks: Sequence[Track], world_from_ego: FloatArray, size_px: tuple[int, int]) -> ByteArray:
-    """Draw a list of the nearest tracks at (width, height): id, mean colour, class, longitudinal distance, speed."""
+    """Draw a list of the nearest tracks at (width, height): id, mean colour, class, metres ahead, speed if known."""
     width, height = size_px
     picture: ByteArray = np.full((height, width, 3), 24, np.uint8)
     rows, columns = height // LIST_ROW_PX, width // LIST_COLUMN_PX
@@ -124,7 +124,8 @@ def draw_list_panel(tracks: Sequence[Track], world_from_ego: FloatArray, size_px
     for i, (track, place) in enumerate(zip(ordered, positions_ego_m(ordered, world_from_ego), strict=True)):
         left, top = i // rows * LIST_COLUMN_PX + 8, i % rows * LIST_ROW_PX
         draw_colour_chip(picture, (left, top + 4), track.rgb, 14)
-        text = f"{track.id}: {_class_of(track)} {place[0]:.1f}m, {track.speed_mps:.1f}m/s"
+        speed = f"{track.speed_mps:.1f}m/s" if track.velocity_known else "speed?"
+        text = f"{track.id}: {_class_of(track)} {place[0]:.1f}m, {speed}"
         put_text(picture, text, (left + 20, top + 16), track_colour(track.id), 0.45)
     return picture
 

@@ -33,7 +33,7 @@ const maps = ["map", "truth"].map((id) => new MapCanvas(byId(id).querySelector("
   hovered: (under) => readOut(under, id),
   clicked: (under) => choose(under.vehicle),
 }));
-const timeline = new Timeline(() => scene()?.frames ?? 0);
+const timeline = new Timeline(() => scene()?.frames ?? 0, view.keys);
 const talk = new Talk(() => draw());
 const board = new JobBoard({ finished: (job) => refresh(job), open: (job) => {
     open(job.recording);
@@ -163,7 +163,7 @@ function draw() {
   const pending = tracking?.kind === "map" && !tracking.problem;
   note(!state.source && board.predicts(state.recording) ? "Its maps are being made."
     : !state.source ? "No maps yet: “Predict maps…” makes them from the cameras."
-    : problem || (pending ? `Following the vehicles: ${Math.floor(100 * tracking.share)} %` : ""));
+    : problem || (pending ? `Following the vehicles: ${Math.floor(100 * tracking.share)} %` : talk.lost(frame.frame)));
   drawMaps(shown);
 }
 

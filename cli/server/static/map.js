@@ -134,15 +134,18 @@ export class MapCanvas {
     for (const one of shown.runners_up) this.#line(one, "rgb(60 220 255 / 60%)", 1, { closed: true, dash: [4, 4] });
     for (const step of shown.steps) this.#line(step.footprint, GOAL, 1.5, { closed: true, dash: [2, 3] });
     if (shown.route) this.#line(shown.route, GOAL, 2.5, { dash: [7, 5] });
-    const goal = shown.target ?? shown.nearest;
-    if (!goal) return;
-    trace(this.context, goal.footprint.map(this.place.pixel), true);
-    this.context.fillStyle = shown.target ? "rgb(60 220 255 / 40%)" : "rgb(255 255 255 / 25%)";
+    if (shown.nearest) this.#goal(shown.nearest, CHOSEN, "rgb(255 255 255 / 25%)");
+    if (shown.target) this.#goal(shown.target, GOAL, "rgb(60 220 255 / 40%)");
+  }
+
+  #goal({ footprint: foot, ego_m: middle, cell }, ink, ground) {
+    trace(this.context, foot.map(this.place.pixel), true);
+    this.context.fillStyle = ground;
     this.context.fill();
-    this.#line(goal.footprint, shown.target ? GOAL : CHOSEN, 2.5, { closed: true });
-    const [a, , , d] = goal.footprint;
-    this.#line([goal.ego_m, [(a[0] + d[0]) / 2, (a[1] + d[1]) / 2]], shown.target ? GOAL : CHOSEN, 2);
-    this.#cell(goal.cell);
+    this.#line(foot, ink, 2.5, { closed: true });
+    const [a, , , d] = foot;
+    this.#line([middle, [(a[0] + d[0]) / 2, (a[1] + d[1]) / 2]], ink, 2);
+    this.#cell(cell);
   }
 
   /** Mark the goal cell itself. */

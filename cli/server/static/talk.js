@@ -17,6 +17,7 @@ export class Talk {
       if (text) this.say(text);
     });
     listen((text) => this.say(text));
+    new ResizeObserver(scrollDown).observe(byId("turns"));
   }
 
   /** What map and cameras show of the conversation at a frame: {referents, candidates, target, ...} or null. */
@@ -24,6 +25,11 @@ export class Talk {
     const { data } = this;
     if (!data?.shown || !this.#here() || data.about.frame !== frame) return null;
     return { ...data.shown, candidates: data.candidates };
+  }
+
+  /** Why the goal in force cannot be planned for a frame; "" if it can. */
+  lost(frame) {
+    return this.#here() && this.data.about.frame === frame ? this.data.lost : "";
   }
 
   #here() {

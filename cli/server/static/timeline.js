@@ -10,9 +10,9 @@ const LONGEST_S = 1.0;
 const TYPED = "input, select, textarea, button, dialog, [contenteditable]";
 
 export class Timeline {
-  /** Control the key frames of a scene; `count` gives their number. */
-  constructor(count) {
-    [this.count, this.playing, this.times] = [count, false, new Map()];
+  /** Control the key frames of a scene; `count` gives their number, `keys` what other keys of the page do. */
+  constructor(count, keys) {
+    [this.count, this.keys, this.playing, this.times] = [count, keys, false, new Map()];
     this.slider = byId("time");
     this.slider.addEventListener("input", () => this.go(Number(this.slider.value)));
     byId("play").addEventListener("click", () => this.toggle());
@@ -79,6 +79,7 @@ export class Timeline {
     if (text) return;
     const step = event.shiftKey ? 10 : 1;
     const acts = {
+      ...this.keys,
       " ": () => this.toggle(),
       ArrowRight: () => this.go(state.frame + step),
       ArrowLeft: () => this.go(state.frame - step),

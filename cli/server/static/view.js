@@ -25,6 +25,12 @@ export class View {
     this.changed();
   }
 
+  /** What the keys of the page do to the view. */
+  get keys() {
+    const [closer, farther] = [() => this.zoom(STEP), () => this.zoom(1 / STEP)];
+    return { "+": closer, "=": closer, "-": farther, 0: () => this.reset() };
+  }
+
   /** Return the functions between metres and pixels of a canvas of a size, for a grid. */
   on(width, height, grid) {
     const middle = [(grid.x[0] + grid.x[1]) / 2, (grid.y[0] + grid.y[1]) / 2];
@@ -40,7 +46,7 @@ export class View {
   }
 }
 
-/** Let wheel, drag, pinch, double click and keys of a canvas change a view; `metres` maps its pixels to the ground. */
+/** Let wheel, drag, pinch and double click of a canvas change a view; `metres` maps its pixels to the ground. */
 export function control(canvas, view, metres) {
   const fingers = new Map();
   const at = (event) => metres(event.offsetX, event.offsetY);
@@ -70,10 +76,6 @@ export function control(canvas, view, metres) {
     canvas.addEventListener(name, (event) => fingers.delete(event.pointerId));
   }
   canvas.addEventListener("dblclick", () => view.reset());
-  canvas.addEventListener("keydown", (event) => {
-    const acts = { "+": () => view.zoom(STEP), "=": () => view.zoom(STEP), "-": () => view.zoom(1 / STEP), 0: () => view.reset() };
-    acts[event.key]?.();
-  });
 }
 
 function pinch(view, fingers, event) {

@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
+from cli.server.moments import Moments
+
 pytest_plugins = ["page_fixtures"]
 
 FRAMES = 4
@@ -62,6 +64,33 @@ def test_an_answer_in_words_leaves_the_goal_in_view(text: str, client: TestClien
     assert told["shown"]["target"] == goal["shown"]["target"]
     assert told["candidates"] == []
     assert talk(client, at, talk=goal["talk"], say="never mind")["shown"]["target"] is None
+
+
+@pytest.mark.parametrize(
+    ("text", "status"), [("stop behind the purple bus", "not_found"), ("stop behind the white car", "ambiguous")]
+)
+def test_the_goal_in_force_is_shown_at_once_after_nothing_was_found_or_a_question(
+    text: str, status: str, client: TestClient, at: str
+) -> None:
+    goal = talk(client, at, say="stop behind the red car")
+    told = talk(client, at, talk=goal["talk"], say=text)
+    assert told["turns"][-1]["status"] == status
+    assert told["shown"]["target"] == goal["shown"]["target"]
+    assert told["shown"]["referents"] == goal["shown"]["referents"]
+    later = talk(client, at, talk=goal["talk"], frame=2)
+    assert later["shown"]["referents"] == goal["shown"]["referents"]
+    same = [{key: one[key] for key in ("number", "id")} for one in told["candidates"]]
+    assert [{key: one[key] for key in ("number", "id")} for one in later["candidates"]] == same
+
+
+def test_a_goal_whose_vehicle_is_lost_is_told(client: TestClient, at: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    goal = talk(client, at, say="stop behind the red car")
+    assert goal["lost"] == ""
+    monkeypatch.setattr(Moments, "vehicles", lambda *_: (None, ()))
+    later = talk(client, at, talk=goal["talk"], frame=2)
+    assert "lost" in later["lost"]
+    assert later["shown"] is None
+    assert talk(client, at, talk=goal["talk"], frame=2, say="never mind")["lost"] == ""
 
 
 def test_another_source_begins_another_conversation(client: TestClient, at: str) -> None:

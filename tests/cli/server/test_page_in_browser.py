@@ -241,6 +241,35 @@ def test_the_map_zooms_and_moves(served: Served, page: Page) -> None:
     until(page, lambda: "0.0 m" in (page.text_content("#readout") or ""))
 
 
+def test_keys_zoom_the_map(served: Served, page: Page) -> None:
+    opened(page, f"{served.address}?frame=0&source=exact")
+    x, y = pixel(page, 20.0, 0.0)
+    page.mouse.move(x, y)
+    until(page, lambda: "20.0 m ahead" in (page.text_content("#readout") or ""))
+    for key in ("+", "+", "-"):
+        page.keyboard.press(key)
+    page.mouse.move(x + 1, y)
+    until(page, lambda: "16.0 m ahead" in (page.text_content("#readout") or ""))
+    page.keyboard.press("0")
+    page.mouse.move(x, y)
+    until(page, lambda: "20.0 m ahead" in (page.text_content("#readout") or ""))
+
+
+@pytest.mark.parametrize("size", [(820, 1180), (1180, 820), (400, 800)])
+def test_map_and_conversation_are_in_view_together(size: tuple[int, int], served: Served, page: Page) -> None:
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    opened(page, f"{served.address}?frame=1")
+    say(page, "stop behind the red car")
+    for part in ("#map canvas", "#turns .goal", "#sentence", "#play"):
+        box = page.locator(part).bounding_box()
+        assert box is not None
+        assert 0 <= box["x"] < box["x"] + box["width"] <= size[0], part
+        assert 0 <= box["y"] < box["y"] + box["height"] <= size[1], part
+    canvas = page.locator("#map canvas").bounding_box()
+    assert canvas is not None
+    assert min(canvas["width"], canvas["height"]) > 150
+
+
 def test_a_page_that_is_loaded_again_shows_the_same(served: Served, page: Page) -> None:
     opened(page, f"{served.address}?frame=1")
     say(page, "stop behind the white car")

@@ -1,8 +1,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from street import BLACK, SILVER, WHITE, Street
 
+from grounding.describe import describe_motion
 from grounding.referent.clarification import compose_question, describe_differences
 from grounding.referent.scene import SceneModel
 
@@ -40,6 +42,18 @@ def test_classes_motion_and_lanes() -> None:
     )
     assert words(scene, "moving", "facing")[1] == "the one, coming towards us, 29 m ahead"
     assert words(scene, "own", "standing")[0] == "the white car in our lane, 24 m ahead"
+
+
+def test_unknown_motion_is_told_as_unknown_and_tells_nothing_apart() -> None:
+    scene = Street().car("standing", 10, -5, WHITE).car("unknown", 16, -5, WHITE, speed_mps=np.nan).scene()
+    assert words(scene, "standing", "unknown") == ("the white car, 10 m ahead", "the one, 16 m ahead")
+    assert [describe_motion(item) for item in scene.objects] == ["standing", "speed not known"]
+
+
+@pytest.mark.parametrize(("speed_mps", "told"), [(0.6, "hardly moving"), (4.0, "moving at 4 m/s")])
+def test_motion_in_words(speed_mps: float, told: str) -> None:
+    (car,) = Street().car("a", 10, -5, speed_mps=speed_mps).scene().objects
+    assert describe_motion(car) == told
 
 
 def test_behind_us() -> None:

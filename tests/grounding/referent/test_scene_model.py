@@ -10,6 +10,7 @@ from street import BLUE, EGO, RED, WHITE, WORLD_FROM_EGO, Street
 from appocc.boxes import Boxes
 from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
+from grounding.describe import describe_motion
 from grounding.referent.scene import SceneModel, SceneObject, scene_from_boxes, scene_from_tracks
 from tracking.detections import Detections
 from tracking.tracker import Tracker
@@ -219,14 +220,23 @@ def test_yaw_rates_and_accelerations_from_earlier_tracks() -> None:
     one, new = scene_from_tracks(None, now, WORLD_FROM_EGO, before, 0.5).objects
     assert one.yaw_rate_radps == pytest.approx(0.4)
     assert one.acceleration_mps2 == pytest.approx(-4)
-    # Detected for the first time: it may stand or move.
-    assert new.velocity_mps is None
-    assert scene_from_tracks(None, now, WORLD_FROM_EGO).objects[1].speed_mps == 0
+    assert (new.yaw_rate_radps, new.acceleration_mps2) == (None, None)
 
 
 def test_an_uncertain_velocity_is_unknown() -> None:
-    given = track(1, 12, -3, velocity_world_mps=np.array([0.0, 2.5]))
+    given = track(1, 12, -3, velocity_world_mps=np.array([0.0, 2.5]), velocity_known=False)
     assert scene_from_tracks(None, [given], WORLD_FROM_EGO).objects[0].velocity_mps is None
+
+
+def test_a_car_that_was_detected_once_may_stand_or_move() -> None:
+    tracker, told = Tracker(), []
+    street = Street().car("a", 12, -4, RED)
+    for moment in range(3):
+        tracks = tracker.update(Detections.from_bev(street.bev()), 500_000 * moment, WORLD_FROM_EGO)
+        scene = scene_from_tracks(street.bev(), tracks, WORLD_FROM_EGO)
+        told.append((scene.objects[0].is_standing, describe_motion(scene.objects[0])))
+    assert told[0] == (None, "speed not known")
+    assert told[-1] == (True, "standing")
 
 
 def test_tracks_of_the_tracker_make_a_scene() -> None:

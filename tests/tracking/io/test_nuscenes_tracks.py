@@ -24,30 +24,32 @@ def written(folder: Path, **changes: Any) -> Path:
 
 
 def test_what_was_written_is_read(tmp_path: Path) -> None:
-    one, other = track(3), track(4, rgb=np.full(3, np.nan), heading_known=False, seen=False, height_m=2.5, kind="bus")
+    unsure = {"heading_known": False, "velocity_known": False, "seen": False}
+    one, other = track(3), track(4, rgb=np.full(3, np.nan), height_m=2.5, kind="bus", **unsure)
     path = tmp_path / "tracking.json"
     write_nuscenes(path, ["first", "last"], [(one, other), ()], ("camera",))
     read = read_key_frame(path, "first")
     assert read_key_frame(path, "last") == ()
     for before, after in zip((one, other), read, strict=True):
         assert (after.id, after.seen, after.heading_known) == (before.id, before.seen, before.heading_known)
+        assert after.velocity_known == before.velocity_known
         np.testing.assert_allclose(after.position_world_m, before.position_world_m, atol=1e-3)
         np.testing.assert_allclose(after.velocity_world_mps, before.velocity_world_mps, atol=1e-3)
         np.testing.assert_allclose(after.rgb, before.rgb, atol=0.1)
         assert after.yaw_world_rad == pytest.approx(before.yaw_world_rad, abs=1e-5)
         assert (after.length_m, after.width_m) == (before.length_m, before.width_m)
     assert (read[1].height_m, read[1].kind) == (2.5, "bus")
-    assert read[0].moving
+    assert [each.moving for each in read] == [True, False]  # its velocity is not known
 
 
 def test_results_of_others_have_fewer_keys(tmp_path: Path) -> None:
     path = written(tmp_path, tracking_id="a7")
     content = json.loads(path.read_text())
-    for name in ("rgb", "seen", "heading_known", "tracking_score"):
+    for name in ("rgb", "seen", "heading_known", "velocity_known", "tracking_score"):
         del content["results"]["one"][0][name]
     path.write_text(json.dumps(content))
     (read,) = read_key_frame(path, "one")
-    assert (read.id, read.seen, read.heading_known, read.score) == (1, True, True, 1.0)
+    assert (read.id, read.seen, read.heading_known, read.velocity_known, read.score) == (1, True, True, True, 1.0)
     assert np.isnan(read.rgb).all()
 
 

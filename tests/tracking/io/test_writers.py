@@ -48,6 +48,7 @@ def test_nuscenes_results(tmp_path: Path) -> None:
         "rgb": [10.0, 20.0, 30.0],
         "seen": True,
         "heading_known": True,
+        "velocity_known": True,
     }
     assert data["results"]["last"][1]["rgb"] is None
 
