@@ -191,7 +191,8 @@ def _add_evidence(evidence: FloatArray, track: int, decay: float, weight: float,
 def _log_odds(state: TrackState, model: ClassParameters, track: int) -> float:
     """Return the mean evidence of the detections of a track, with the prior."""
     prior = model.prior_log_odds[track] * model.prior_weight[track]
-    return (state.detected[0, track] + prior) / (state.detected[1, track] + model.prior_weight[track])
+    mean: float = (state.detected[0, track] + prior) / (state.detected[1, track] + model.prior_weight[track])
+    return mean
 
 
 @compiled
