@@ -17,6 +17,7 @@ from grounding.dialogue.changes import (
     BIT_M,
     answer_fragment,
     change_distance,
+    described_by,
     drop_steps,
     replace_step,
     scale_distance,
@@ -55,6 +56,7 @@ from grounding.dialogue.reports import (
     tell_vehicle,
 )
 from grounding.dialogue.telling import ask, said
+from grounding.dialogue.turns import Turn, read_turn
 from grounding.goal.shift import Shift
 from grounding.language import Reading, WordCategory
 from grounding.language.replies import Reply, read_reply
@@ -79,6 +81,8 @@ _ACTS: Mapping[str, Callable[[Conversation, str], Answer]] = {
     "yes": confirm,
     "no": refuse,
     "thanks": keep,
+    "remark": keep,
+    "pause": keep,
     "any": take_any,
     "undo": go_back,
     "about": tell_vehicle,
@@ -141,8 +145,11 @@ class Session:
         Raises:
             AppoccError: if no scene is set.
         """
-        answer = _answer(self._talk, text, read_reply(text, self._talk.grounder.lexicon))
-        return replace(answer, chooser=self.choose)
+        talk, reply = self._talk, read_reply(text, self._talk.grounder.lexicon)
+        reading = talk.read(reply.rest or text)
+        turn = read_turn(talk, text, reply, reading)
+        answer = _answer_turn(talk, text, reply, turn) if turn and turn.is_sure else None
+        return replace(answer or _answer(talk, text, reply), chooser=self.choose)
 
     def choose(self, number: int) -> Answer:
         """Choose a candidate of the last question, or of the last answer, by its number from 1.
@@ -193,6 +200,30 @@ class Session:
         goal = answer if answer.status == "ok" else replace(state.goal, scene=scene)
         talk.state = replace(state, plan=plan.requests, goal=goal)
         return answer
+
+
+def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Answer | None:
+    """Answer a turn by what its reader takes it for; None where the grammar is to answer."""
+    act, state = turn.act, talk.state
+    if talk.is_opening or (reply.kinds and not reply.rest) or (act == "number" and reply.number is not None):
+        return None
+    if act == "number":
+        return choose_number(talk, text, turn.number) if turn.number is not None else None
+    if act == "shift":
+        shift = Shift(turn.best("shift"), turn.distance_m or BIT_M)
+        return None if reply.leading_shift else shift_last(talk, text, shift)
+    if act in ("more", "less"):
+        return shift_more(talk, text, 1.0 if act == "more" else -1.0, turn.distance_m or BIT_M)
+    if act in ("describe", "place"):
+        return answer_fragment(talk, text, reply, turn)
+    if act == "drop":
+        action = turn.best("action")
+        return drop_steps(talk, text, action) if action in {one.query.action for one in state.plan} else None
+    if act in ("seek", "count", "about") and (named := described_by(turn, talk.antecedent)):
+        return None
+    if act in ("command", "then"):
+        return None
+    return _ACTS[act](talk, text) if act in _ACTS else None
 
 
 def _answer(talk: Conversation, text: str, reply: Reply) -> Answer:

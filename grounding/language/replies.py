@@ -118,6 +118,11 @@ def read_reply(text: str, lexicon: Lexicon | None = None) -> Reply:
     return Reply(kinds, " ".join(rest))
 
 
+def named_distance(text: str, lexicon: Lexicon | None = None) -> float | None:
+    """Return the only distance that a sentence names, in metres; None without one."""
+    return _without_distance(tuple(WORD.findall(normalise(text))), lexicon or default_lexicon())[0]
+
+
 def with_superlatives(text: str) -> str:
     """Return a description with comparatives as superlatives: the closer of some candidates is the nearest."""
     words, found, start = tuple(WORD.findall(normalise(text))), list[str](), 0
