@@ -28,7 +28,7 @@ from appocc.files import whole_file
 from benchmarks.reader.examples import Example, Sentence
 from benchmarks.reader.network import TorchReader, export_weights, start_from
 from benchmarks.reader.rule import as_tensor, minimise
-from benchmarks.reader.turns import read_turns, read_whole_commands, turn_example
+from benchmarks.reader.turns import read_patterns, read_turns, read_whole_commands, turn_example
 from benchmarks.reader.variants import Variants
 from benchmarks.train_reader import SEED, SIZES, VARIANT_WEIGHT, fold_of, train
 from grounding.dialogue.turns import Turn, own_act, vote_on_act
@@ -41,6 +41,7 @@ from grounding.language.replies import read_reply
 from grounding.query import Referent
 
 RATE, VARIANTS = 2e-3, 3
+TURN_SIZES = SIZES | {"dropout": 0.4, "feature_dropout": 0.25}
 
 
 def train_once(path: Path, examples: Sequence[Example], weights: Sequence[float], steps: int) -> None:
@@ -48,7 +49,7 @@ def train_once(path: Path, examples: Sequence[Example], weights: Sequence[float]
     if path.exists():
         return
     torch.manual_seed(SEED)
-    network = TorchReader(TURN_CHOICES, **SIZES)
+    network = TorchReader(TURN_CHOICES, **TURN_SIZES)
     start_from(network, load_file(WEIGHTS_PATH), tuple(CHOICES))
     train(network, examples, np.array(weights), steps, RATE)
     with whole_file(path) as temporary:
@@ -131,7 +132,7 @@ def main() -> None:
     variants = Variants([], SEED)
     drawn = ((one, variants.draw(one.label)) for one in turns for _ in range(VARIANTS))
     learnt = [*turns, *(Sentence(label, one.speaker, VARIANT_WEIGHT * one.weight) for one, label in drawn if label)]
-    learnt += read_whole_commands()
+    learnt += [*read_whole_commands(), *read_patterns(SEED)]
     paths = [asked.work / f"{name}.safetensors" for name in ("all", *range(1, asked.folds + 1))]
     with ProcessPoolExecutor(asked.workers, initializer=torch.set_num_threads, initargs=(1,)) as pool:
         examples = list(pool.map(turn_example, [one.label for one in learnt], chunksize=100))

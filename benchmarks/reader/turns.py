@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import random
 from pathlib import Path
 from typing import Any, get_args
 from zlib import crc32
@@ -13,16 +14,19 @@ from appocc.errors import DataError
 from appocc.files import read_text
 from benchmarks.reader.examples import Example, Sentence, colour_words, read_sentences
 from grounding.language.reader.fields import ACTS, NONE, NOUNS, QUALIFIERS, TURN_CHOICES
+from grounding.dialogue.turns import ACTS_OF_KINDS
 from grounding.language.reader.features import WordFacts
 from grounding.language.reader.turns import State, turn_rows
-from grounding.language.replies import read_reply
+from grounding.language.replies import Reply, read_reply, reply_patterns
 from grounding.language.syntax.tokenizer import normalise, tokenise
 
 TURNS = Path(__file__).parent / "sentences" / "turns.jsonl"
 STATES: tuple[State, ...] = get_args(State)
+# Phrases of each pattern of replies.
+_PHRASES = 3
 _LISTS = ("act_alt", "action_alt", "relation_alt", "secondary", "excluded")
-# How often a turn, and a whole command or another sentence, is drawn.
-_TURN, _WHOLE, _REJECTED = 2.0, 0.5, 0.1
+# How often a turn, a whole command, another sentence, and a phrase of the patterns of replies are drawn.
+_TURN, _WHOLE, _REJECTED, _PATTERN = 2.0, 0.15, 0.05, 0.25
 # Acts with a vehicle, a place, and an action.
 _OF_VEHICLES = ("describe", "command", "then", "count", "seek")
 _OF_PLACES = ("place", "command", "then")
@@ -75,13 +79,33 @@ def read_whole_commands() -> list[Sentence]:
     return found
 
 
+def read_patterns(seed: int) -> list[Sentence]:
+    """Return phrases of the patterns of replies, as turns."""
+    drawn, found = random.Random(seed), []
+    for pattern in reply_patterns():
+        kind = pattern.entry.value
+        act = ACTS_OF_KINDS.get(kind, kind)
+        if act not in ACTS or act in ("seek", "count", "room"):
+            continue
+        for _ in range(_PHRASES):
+            words = [drawn.choice([one for each in choices.values() for one in each]) for choices, optional in
+                     pattern.parts() if not optional or drawn.random() < 0.5]
+            label = dict.fromkeys((*TURN_CHOICES, "referent")) | {name: [] for name in _LISTS}
+            label |= {"act": act, "shift": kind if act == "shift" else None, "state": drawn.choice(STATES)}
+            label |= {"command": " ".join(word for phrase in words for word in phrase), "shown": drawn.random() < 0.3}
+            found.append(Sentence(label, "patterns", _PATTERN))
+    return found
+
+
 def turn_example(label: dict[str, Any]) -> Example | None:
     """Return the example of a labelled turn, None for one without words."""
     text = label["command"]
     tokens = tokenise(normalise(text))[:79]
     if not tokens:
         return None
-    rows, facts = turn_rows(tokens, label["state"], read_reply(text))
+    # What the patterns make of their own phrases is mostly hidden, so that the words are learnt.
+    reply = read_reply(text) if label.get("shown", True) else Reply(rest=text)
+    rows, facts = turn_rows(tokens, label["state"], reply)
     right = {"act": [ACTS.index(one) for one in (label["act"], *label["act_alt"]) if one in ACTS]}
     acts = {label["act"], *label["act_alt"]}
     if "shift" in acts and label["shift"]:

@@ -40,7 +40,7 @@ from grounding.dialogue.choices import (
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import find_fitting, is_plainly_definite, widen
 from grounding.dialogue.following import follow_plan, relocate
-from grounding.dialogue.fragments import has_verb, keep_action, names_pronoun, refers_to_place
+from grounding.dialogue.fragments import has_verb, is_understood, keep_action, names_pronoun, refers_to_place
 from grounding.dialogue.merging import merge_request, names_gap_only
 from grounding.dialogue.reports import (
     ask_again,
@@ -59,6 +59,7 @@ from grounding.dialogue.telling import ask, said
 from grounding.dialogue.turns import Turn, read_turn
 from grounding.goal.shift import Shift
 from grounding.language import Reading, WordCategory
+from grounding.language.reader.fields import NONE
 from grounding.language.replies import Reply, read_reply
 from grounding.referent.resolver import Candidate
 from grounding.vocabulary import Action
@@ -146,10 +147,9 @@ class Session:
             AppoccError: if no scene is set.
         """
         talk, reply = self._talk, read_reply(text, self._talk.grounder.lexicon)
-        reading = talk.read(reply.rest or text)
-        turn = read_turn(talk, text, reply, reading)
-        answer = _answer_turn(talk, text, reply, turn) if turn and turn.is_sure else None
-        return replace(answer or _answer(talk, text, reply), chooser=self.choose)
+        turn = read_turn(talk, text, reply)
+        answer = _answer_turn(talk, text, reply, turn) if turn else None
+        return replace(answer or _answer(talk, text, reply, turn is not None and turn.act == "then"), chooser=self.choose)
 
     def choose(self, number: int) -> Answer:
         """Choose a candidate of the last question, or of the last answer, by its number from 1.
@@ -205,12 +205,17 @@ class Session:
 def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Answer | None:
     """Answer a turn by what its reader takes it for; None where the grammar is to answer."""
     act, state = turn.act, talk.state
-    if talk.is_opening or (reply.kinds and not reply.rest) or (act == "number" and reply.number is not None):
-        return None
+    if act in ("seek", "count", "about") and (named := described_by(turn, talk.antecedent)):
+        asked = reply.rest or text
+        if act == "about" and turn.best("noun") == NONE:
+            return tell_vehicle(talk, text)
+        return (count if act == "count" else look_for)(talk, text, asked, named)
+    if talk.is_opening:
+        return tell_seen(talk, text) if act == "seen" else None
     if act == "number":
         return choose_number(talk, text, turn.number) if turn.number is not None else None
     if act == "shift":
-        shift = Shift(turn.best("shift"), turn.distance_m or BIT_M)
+        shift = Shift(turn.shift, turn.distance_m or BIT_M)
         return None if reply.leading_shift else shift_last(talk, text, shift)
     if act in ("more", "less"):
         return shift_more(talk, text, 1.0 if act == "more" else -1.0, turn.distance_m or BIT_M)
@@ -219,16 +224,14 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     if act == "drop":
         action = turn.best("action")
         return drop_steps(talk, text, action) if action in {one.query.action for one in state.plan} else None
-    if act in ("seek", "count", "about") and (named := described_by(turn, talk.antecedent)):
-        return None
-    if act in ("command", "then"):
-        return None
+    if act == "room":
+        return tell_room(talk, text, reply.rest or text)
     return _ACTS[act](talk, text) if act in _ACTS else None
 
 
-def _answer(talk: Conversation, text: str, reply: Reply) -> Answer:
-    """Answer a sentence that is split into replies and the rest."""
-    state = talk.state
+def _answer(talk: Conversation, text: str, reply: Reply, then: bool = False) -> Answer:
+    """Answer a sentence that is split into replies and the rest; `then`: whether it is a further step."""
+    state, then = talk.state, then or "then" in reply.kinds
     offered = state.question is not None and not state.question.plan.question
     if reply.number is not None and (not reply.rest or offered):
         named = state.question is None and state.request is not None and state.request.query.distance_m is not None
@@ -265,8 +268,8 @@ def _answer(talk: Conversation, text: str, reply: Reply) -> Answer:
         return answer  # "in front, easier to get out": the verb is that of a reason
     if has_verb(reading):
         edits = "no" in reply.kinds or "meant" in reply.kinds
-        return _command(talk, text, reply.rest, "then" in reply.kinds, "yes" in reply.kinds, edits)
-    if "then" in reply.kinds and not reading.problem:
+        return _command(talk, text, reply.rest, then, "yes" in reply.kinds, edits)
+    if then and not reading.problem:
         return _command(talk, text, reply.rest, then=True)
     if answer := answer_fragment(talk, text, reply):
         return answer
@@ -288,6 +291,9 @@ def _command(
     """
     state, grounder = talk.state, talk.grounder
     readings = grounder.read(words, talk.antecedent, alone=talk.is_opening and words == text)
+    if not is_understood(readings[0]) and not names_pronoun(readings[0]):
+        alone = grounder.read(words)  # with the vote of the reader, which reads sentences that stand alone
+        readings = readings if alone[0].problem else alone
     if readings[0].problem:
         return not_understood(talk, text, readings[0], words)
     base = state.request

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.fragments import has_verb
+from grounding.dialogue.fragments import complete, has_verb, is_understood, read_description
 from grounding.language import Reading, WordCategory
 from grounding.language.reader.fields import NONE
 from grounding.language.reader.network import Numbers, Prediction
@@ -16,13 +16,16 @@ from grounding.language.reader.turns import State, default_turn_reader
 from grounding.language.replies import SHIFTS, Reply, named_distance
 from grounding.language.syntax.tokenizer import Token, normalise, tokenise
 from grounding.query import Query, Referent
+from grounding.vocabulary import ShiftDirection
 
 # Least probability of an act that is taken, and of a qualifier.
 _SURE, _LEAST_QUALIFIER = 0.5, 0.5
 _LEAST = 1e-4
+# Most words of a turn that the grammar understands and is believed about.
+_SHORT = 6
 _ORDINALS = {"first": 1, "second": 2, "third": 3, "fourth": 4, "last": -1}
 # Kinds of the patterns of replies that have another name as acts.
-_ACTS_OF_KINDS = {"thanks": "remark", "former": "number", "latter": "number"} | dict.fromkeys(SHIFTS, "shift")
+ACTS_OF_KINDS = {"thanks": "remark", "former": "number", "latter": "number"} | dict.fromkeys(SHIFTS, "shift")
 
 
 @dataclass(frozen=True)
@@ -43,15 +46,16 @@ class Turn:
     number: int | None = None
     distance_m: float | None = None
 
-    @property
-    def is_sure(self) -> bool:
-        """Whether the act is taken."""
-        return self.sure >= _SURE
-
     def best(self, field: str) -> str:
         """Return the likeliest value of a field."""
         values = self.prediction.choices[field]
         return max(values, key=values.__getitem__)
+
+    @property
+    def shift(self) -> ShiftDirection:
+        """The likeliest direction of a shift."""
+        best = self.best("shift")
+        return next(one for one in SHIFTS if one == best)
 
     def described(self, antecedent: Referent | None) -> Referent | None:
         """Return the vehicle that it describes, where it names none like the antecedent; None for no description."""
@@ -78,15 +82,17 @@ class Turn:
         return Query(text, **slots)
 
 
-def read_turn(talk: Conversation, text: str, reply: Reply, reading: Reading) -> Turn | None:
-    """Read a turn; None for one without words.
+def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
+    """Read a turn; None where the grammar is to read it: it understands all of it, or the network is not sure.
 
     Args:
         talk: the conversation.
         text: the turn.
         reply: the turn as the patterns of replies split it.
-        reading: the grammar's reading of what they leave.
     """
+    reading = talk.read(reply.rest or text)
+    if (reply.kinds and not reply.rest) or reply.leading_shift or _is_plain(talk, reply, reading):
+        return None
     reader = default_turn_reader()
     tokens = tokenise(normalise(text), talk.grounder.lexicon)
     prediction = reader.read(tokens, state_of(talk), reply)
@@ -94,8 +100,21 @@ def read_turn(talk: Conversation, text: str, reply: Reply, reading: Reading) -> 
         return None
     scores = vote_on_act(prediction.choices["act"], own_act(reply, reading), reader.rule["act"])
     act = max(scores, key=scores.__getitem__)
+    if scores[act] < _SURE:
+        return None
     distance_m = named_distance(text, talk.grounder.lexicon)
     return Turn(act, scores[act], prediction, reply.number or _number(tokens), distance_m)
+
+
+def _is_plain(talk: Conversation, reply: Reply, reading: Reading) -> bool:
+    """Return whether the grammar understands every word of a short turn."""
+    if reply.number is not None or len(reading.tokens) > _SHORT or not reply.rest:
+        return reply.number is not None
+    if has_verb(reading):
+        return is_understood(reading)
+    base, about, read = talk.state.request, talk.antecedent, talk.grounder.read
+    described = read_description(reply.rest, about, read, whole=True)
+    return base is not None and bool(described or complete(reply.rest, base.query, about, read, whole=True))
 
 
 def state_of(talk: Conversation) -> State:
@@ -111,10 +130,15 @@ def own_act(reply: Reply, reading: Reading) -> tuple[str, int]:
     if reply.number is not None:
         return "number", 1
     if reply.kinds and not reply.rest:
-        return _ACTS_OF_KINDS.get(reply.kinds[-1], reply.kinds[-1]), 1
-    if reply.rest and has_verb(reading) and not (reading.problem or reading.dropped or reading.doubt):
+        return own_kind(reply), 1
+    if reply.rest and has_verb(reading) and is_understood(reading):
         return ("then" if "then" in reply.kinds else "command"), 2
     return "", 1
+
+
+def own_kind(reply: Reply) -> str:
+    """Return the act of a reply whose patterns cover all words."""
+    return ACTS_OF_KINDS.get(reply.kinds[-1], reply.kinds[-1])
 
 
 def vote_on_act(shares: Mapping[str, float], own: tuple[str, int], weights: Numbers) -> dict[str, float]:

@@ -12,7 +12,7 @@ from typing import get_args
 from appocc.files import read_text
 from grounding.language.parser import check_type
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon
-from grounding.language.syntax.phrase_patterns import WORD, LexicalEntry
+from grounding.language.syntax.phrase_patterns import WORD, LexicalEntry, PhrasePattern
 from grounding.language.syntax.quantities import merge_quantities
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, normalise, tokenise
 from grounding.language.syntax.word_categories import WordCategory
@@ -229,6 +229,11 @@ def _ordinal(words: Sequence[str], lexicon: Lexicon) -> int | None:
     if len(named) != 1 or not all(token.category in allowed for token in others):
         return None
     return 1 + _ORDINALS.index(named[0].value)
+
+
+def reply_patterns() -> list[PhrasePattern]:
+    """Return the patterns of all replies, each with its kind as the value of its entry."""
+    return [*{id(one): one for patterns in _replies().by_word.values() for one in patterns}.values()]
 
 
 @cache
