@@ -282,7 +282,7 @@ def judge_strangers(turn: Mapping[str, Any], answer: Answer, last: Answer | None
     if referent not in meant:
         wrong.append(f"referent {referent}")
     relations = {expected["relation"], *expected.get("relation_alt", [])}
-    relation = answer.query.relation
+    relation: str = answer.query.relation
     if relation == "none":  # whoever follows is behind, who overtakes ends in front
         relation = _IMPLIED.get(answer.query.action or "", relation)
     if expected["relation"] is not None and not {relation, answer.query.relation} & relations:

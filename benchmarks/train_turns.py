@@ -114,8 +114,8 @@ def report(name: str, cases: Sequence[Case], rule: Numbers) -> None:
             found = turn.described(None) or Referent("", "")
             alike = (found.colour, {*found.qualifiers}) == (wanted["colour"], {*wanted["qualifiers"]})
             fields["vehicle"].append(alike)
-    shares = [f"{way} {100 * np.mean(each):.1f} %" for way, each in (ways | fields).items()]
-    print(f"{name}, {len(cases)} turns: act {', '.join(shares)}; unsure {100 * np.mean(unsure):.1f} %", flush=True)
+    figures = [f"{way} {100 * np.mean(each):.1f} %" for way, each in (ways | fields).items()]
+    print(f"{name}, {len(cases)} turns: act {', '.join(figures)}; unsure {100 * np.mean(unsure):.1f} %", flush=True)
 
 
 def main() -> None:
@@ -144,7 +144,11 @@ def main() -> None:
     networks = [ReaderNetwork(load_file(path), TURN_CHOICES) for path in paths[1:]]
     cases = [cases_of(network, fold) for network, fold in zip(networks, folds, strict=True)]
     for fold, own in enumerate(cases, start=1):
-        report(f"held-out speakers, fold {fold}", own, fit_rule([one for other in cases if other is not own for one in other]))
+        report(
+            f"held-out speakers, fold {fold}",
+            own,
+            fit_rule([one for other in cases if other is not own for one in other]),
+        )
     rule = fit_rule([one for own in cases for one in own])
     report("held-out speakers", [one for own in cases for one in own], rule)
     print(f"rule {rule}")

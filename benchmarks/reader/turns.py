@@ -13,9 +13,9 @@ import numpy as np
 from appocc.errors import DataError
 from appocc.files import read_text
 from benchmarks.reader.examples import Example, Sentence, colour_words, read_sentences
-from grounding.language.reader.fields import ACTS, NONE, NOUNS, QUALIFIERS, TURN_CHOICES
 from grounding.dialogue.turns import ACTS_OF_KINDS
 from grounding.language.reader.features import WordFacts
+from grounding.language.reader.fields import ACTS, NONE, NOUNS, QUALIFIERS, TURN_CHOICES
 from grounding.language.reader.turns import State, turn_rows
 from grounding.language.replies import Reply, read_reply, reply_patterns
 from grounding.language.syntax.tokenizer import normalise, tokenise
@@ -88,8 +88,11 @@ def read_patterns(seed: int) -> list[Sentence]:
         if act not in ACTS or act in ("seek", "count", "room"):
             continue
         for _ in range(_PHRASES):
-            words = [drawn.choice([one for each in choices.values() for one in each]) for choices, optional in
-                     pattern.parts() if not optional or drawn.random() < 0.5]
+            words = [
+                drawn.choice([one for each in choices.values() for one in each])
+                for choices, optional in pattern.parts()
+                if not optional or drawn.random() < 0.5
+            ]
             label = dict.fromkeys((*TURN_CHOICES, "referent")) | {name: [] for name in _LISTS}
             label |= {"act": act, "shift": kind if act == "shift" else None, "state": drawn.choice(STATES)}
             label |= {"command": " ".join(word for phrase in words for word in phrase), "shown": drawn.random() < 0.3}

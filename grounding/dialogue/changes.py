@@ -54,7 +54,7 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
         return answer
     if reading is not None:
         return _modify(talk, said(reading, text), request)
-    return ask_again(talk, text) if state.question is not None else None
+    return None
 
 
 def _answer_description(
@@ -83,7 +83,9 @@ def _answer_description(
         return talk.choose(found.candidates[0], described)
     if found.status == "ambiguous":
         return talk.narrow(found.candidates, described)
-    return talk.take(talk.state.with_request(described)) if question is None else None
+    if question is not None or (turn is not None and talk.state.question is not None):
+        return None  # a question stays open if what is not plain fits nothing
+    return talk.take(talk.state.with_request(described))
 
 
 def described_by(turn: Turn | None, antecedent: Referent | None) -> Reading | None:

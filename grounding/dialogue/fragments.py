@@ -64,9 +64,7 @@ def names_pronoun(reading: Reading) -> bool:
     return first is None or first.category is WordCategory.PRONOUN
 
 
-def read_description(
-    text: str, antecedent: Referent | None, read: Reader, *, whole: bool = False
-) -> Reading | None:
+def read_description(text: str, antecedent: Referent | None, read: Reader, *, whole: bool = False) -> Reading | None:
     """Read a fragment as the description of a vehicle: "the closer one", "on the left", "red".
 
     Args:
@@ -84,14 +82,20 @@ def read_description(
         return None
     # With the colour of what was spoken of, the same colour would be a word without effect.
     bare = antecedent and Referent(antecedent.noun, antecedent.head)
-    for part, meant, phrase in product([text] if whole else _shortened(text), dict.fromkeys((antecedent, bare)), _PHRASES):
+    second: Reading | None = None
+    for part, meant, phrase in product(
+        [text] if whole else _shortened(text), dict.fromkeys((antecedent, bare)), _PHRASES
+    ):
         reading = read(phrase.format(part), meant, "")[0]
         referent = reading.query.referent
         if referent is None or reading.query.relation != "none" or not is_understood(reading):
             continue
         if not _is_bare(referent, reading):
-            return _with_query(reading, replace(reading.query, action=None, actions=(), landmark=None))
-    return None
+            found = _with_query(reading, replace(reading.query, action=None, actions=(), landmark=None))
+            if not _has_unknown(reading):
+                return found
+            second = second or found
+    return second
 
 
 def complete(
@@ -167,6 +171,10 @@ def _begins_with_event(reading: Reading) -> bool:
 def is_understood(reading: Reading) -> bool:
     """Return whether a reading is a command that uses all its words."""
     return not (reading.problem or reading.dropped or reading.doubt)
+
+
+def _has_unknown(reading: Reading) -> bool:
+    return any(token.category is WordCategory.UNKNOWN for token in reading.tokens)
 
 
 def _is_bare(referent: Referent, reading: Reading) -> bool:

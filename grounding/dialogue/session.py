@@ -98,6 +98,8 @@ _ACTS: Mapping[str, Callable[[Conversation, str], Answer]] = {
     "less": partial(shift_more, sign=-1.0),
     "elsewhere": partial(shift_last, shift=Shift("ahead", _ELSEWHERE_M)),
 }
+# Replies that hold where what follows is not understood: "cancel, I'm taking a call first".
+_BEFORE_REASONS = ("cancel", "any", "yes", "neither", "thanks", "undo", "why")
 # Replies about the words that follow them.
 _ABOUT_WORDS: Mapping[str, Callable[[Conversation, str, str], Answer]] = {
     "seek": look_for,
@@ -149,7 +151,7 @@ class Session:
         talk, reply = self._talk, read_reply(text, self._talk.grounder.lexicon)
         turn = read_turn(talk, text, reply)
         answer = _answer_turn(talk, text, reply, turn) if turn else None
-        return replace(answer or _answer(talk, text, reply, turn is not None and turn.act == "then"), chooser=self.choose)
+        return replace(answer or _answer(talk, text, reply, turn), chooser=self.choose)
 
     def choose(self, number: int) -> Answer:
         """Choose a candidate of the last question, or of the last answer, by its number from 1.
@@ -220,7 +222,7 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     if act in ("more", "less"):
         return shift_more(talk, text, 1.0 if act == "more" else -1.0, turn.distance_m or BIT_M)
     if act in ("describe", "place"):
-        return answer_fragment(talk, text, reply, turn)
+        return answer_fragment(talk, text, reply, turn) or (ask_again(talk, text) if state.question else None)
     if act == "drop":
         action = turn.best("action")
         return drop_steps(talk, text, action) if action in {one.query.action for one in state.plan} else None
@@ -229,9 +231,11 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     return _ACTS[act](talk, text) if act in _ACTS else None
 
 
-def _answer(talk: Conversation, text: str, reply: Reply, then: bool = False) -> Answer:
-    """Answer a sentence that is split into replies and the rest; `then`: whether it is a further step."""
-    state, then = talk.state, then or "then" in reply.kinds
+def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> Answer:
+    """Answer a sentence that is split into replies and the rest; `turn`: what its reader takes it for."""
+    state = talk.state
+    turn = turn if turn is not None and turn.act in ("command", "then") else None
+    then = "then" in reply.kinds or (turn is not None and turn.act == "then")
     offered = state.question is not None and not state.question.plan.question
     if reply.number is not None and (not reply.rest or offered):
         named = state.question is None and state.request is not None and state.request.query.distance_m is not None
@@ -243,7 +247,7 @@ def _answer(talk: Conversation, text: str, reply: Reply, then: bool = False) -> 
         return shift_last(talk, text, Shift(reply.shift, distance_m))
     if not reply.rest:
         act = _ACTS.get(reply.kinds[-1]) if reply.kinds else None
-        return act(talk, text) if act else _command(talk, text, text)
+        return act(talk, text) if act else _command(talk, text, text, turn=turn)
     if reply.kinds[-1:] == ("why",):
         return tell_reasons(talk, text)
     if about := _ABOUT_WORDS.get(reply.kinds[-1] if reply.kinds else ""):
@@ -263,21 +267,35 @@ def _answer(talk: Conversation, text: str, reply: Reply, then: bool = False) -> 
     if reply.leading_shift and (answer := shift_from_named(talk, text, reply.leading_shift, reply.rest)):
         return answer
     if reply.leading_shift and reading.problem:
-        return answer_fragment(talk, text, reply) or shift_last(talk, text, Shift(reply.leading_shift, BIT_M))
+        if answer := answer_fragment(talk, text, reply):
+            return answer
+        if state.question is None:
+            return shift_last(talk, text, Shift(reply.leading_shift, BIT_M))
     if reading.doubt and state.request is not None and (answer := answer_fragment(talk, text, reply)):
         return answer  # "in front, easier to get out": the verb is that of a reason
-    if has_verb(reading):
+    reasoned = bool(reading.problem) and turn is None and reply.kinds[-1:] and reply.kinds[-1] in _BEFORE_REASONS
+    if has_verb(reading) and not reasoned:
         edits = "no" in reply.kinds or "meant" in reply.kinds
-        return _command(talk, text, reply.rest, then, "yes" in reply.kinds, edits)
+        return _command(talk, text, reply.rest, then, "yes" in reply.kinds, edits, turn)
     if then and not reading.problem:
-        return _command(talk, text, reply.rest, then=True)
+        return _command(talk, text, reply.rest, then=True, turn=turn)
     if answer := answer_fragment(talk, text, reply):
         return answer
-    return _command(talk, text, text if reading.problem else reply.rest)
+    if reasoned:
+        return _ACTS[reply.kinds[-1]](talk, text)
+    if state.question is not None and state.request is not None and not turn:
+        return ask_again(talk, text)
+    return _command(talk, text, text if reading.problem else reply.rest, turn=turn)
 
 
 def _command(
-    talk: Conversation, text: str, words: str, then: bool = False, agreed: bool = False, edits: bool = False
+    talk: Conversation,
+    text: str,
+    words: str,
+    then: bool = False,
+    agreed: bool = False,
+    edits: bool = False,
+    turn: Turn | None = None,
 ) -> Answer:
     """Answer a command.
 
@@ -288,12 +306,15 @@ def _command(
         then: whether it is a further step of the plan in force.
         agreed: whether it is about the first candidate.
         edits: whether it corrects the step of the same action.
+        turn: the turn by its reader, if that takes it for a command.
     """
     state, grounder = talk.state, talk.grounder
     readings = grounder.read(words, talk.antecedent, alone=talk.is_opening and words == text)
     if not is_understood(readings[0]) and not names_pronoun(readings[0]):
         alone = grounder.read(words)  # with the vote of the reader, which reads sentences that stand alone
         readings = readings if alone[0].problem else alone
+    if turn is not None:
+        readings = (turn.as_command(readings[0]), *readings[1:])
     if readings[0].problem:
         return not_understood(talk, text, readings[0], words)
     base = state.request

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import complete, has_verb, is_understood, read_description
 from grounding.language import Reading, WordCategory
-from grounding.language.reader.fields import NONE
+from grounding.language.reader.fields import FIELDS, NONE
 from grounding.language.reader.network import Numbers, Prediction
+from grounding.language.reader.revision import command_of, field_value
 from grounding.language.reader.turns import State, default_turn_reader
 from grounding.language.replies import SHIFTS, Reply, named_distance
 from grounding.language.syntax.tokenizer import Token, normalise, tokenise
@@ -21,6 +22,8 @@ from grounding.vocabulary import ShiftDirection
 # Least probability of an act that is taken, and of a qualifier.
 _SURE, _LEAST_QUALIFIER = 0.5, 0.5
 _LEAST = 1e-4
+# Least probability at which a command that only the network understands is acted upon.
+_SURE_COMMAND = 0.8
 # Most words of a turn that the grammar understands and is believed about.
 _SHORT = 6
 _ORDINALS = {"first": 1, "second": 2, "third": 3, "fourth": 4, "last": -1}
@@ -68,6 +71,15 @@ class Turn:
             return Referent(noun, self.prediction.head or noun, named, qualifiers)
         like = antecedent or Referent("vehicle", "one")
         return Referent(like.noun, like.head, named, qualifiers, anaphora=True)
+
+    def as_command(self, reading: Reading) -> Reading:
+        """Return the reading of a command, with that of the network where it has none; what both say is no doubt."""
+        own = command_of(reading.query.command, self.prediction)
+        if reading.problem and self.sure >= _SURE_COMMAND:
+            return replace(reading, query=own, steps=(own,), problem=None)
+        qualifiers = [{*one.referent.qualifiers} if one.referent else set() for one in (own, reading.query)]
+        alike = all(field_value(own, field) == field_value(reading.query, field) for field in FIELDS)
+        return replace(reading, doubt="") if reading.revised and alike and qualifiers[0] == qualifiers[1] else reading
 
     def placed(self, text: str) -> Query | None:
         """Return the partial query of the place that it names: relation, side, distance; None for none."""
@@ -159,7 +171,7 @@ def vote_on_act(shares: Mapping[str, float], own: tuple[str, int], weights: Numb
     return {name: math.exp(one - top) / total for name, one in scores.items()}
 
 
-def _number(tokens: list[Token]) -> int | None:
+def _number(tokens: Sequence[Token]) -> int | None:
     """Return the only number or ordinal among some words; None without one."""
     named = [token for token in tokens if token.category in (WordCategory.NUMBER, WordCategory.ORDINAL)]
     if len(named) != 1:

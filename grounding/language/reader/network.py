@@ -33,7 +33,8 @@ class Prediction:
     """Probabilities of the fields of a query.
 
     Attributes:
-        choices: field of `CHOICES` or `TURN_CHOICES`, or "noun" or "colour" -> value -> probability; NONE stands for no value.
+        choices: field of the network's choices or "noun" or "colour" -> value -> probability; NONE stands for no
+            value.
         qualifiers: qualifier -> probability.
         head: word that names the vehicle most likely; '' for a word that the lexicon knows as no vehicle's name.
     """

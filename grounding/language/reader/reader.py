@@ -92,9 +92,7 @@ def load_weights(
     return arrays, rule
 
 
-def _expected_shapes(
-    size: int, hidden: int, choices: Mapping[str, tuple[str, ...]]
-) -> dict[str, tuple[int, ...]]:
+def _expected_shapes(size: int, hidden: int, choices: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[int, ...]]:
     """Return array name -> shape, for `size` numbers a feature and `hidden` states a direction."""
     both = 2 * hidden
     shapes: dict[str, tuple[int, ...]] = {"table": (TABLE_ROWS, size), "qualifier_prior": (len(QUALIFIERS),)}
