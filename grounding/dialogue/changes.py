@@ -35,13 +35,13 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
         return None
     base = request.query
     antecedent = talk.antecedent or (None if base.referent else Referent("vehicle", "one"))
-    reading = complete(reply.rest, base, antecedent, talk.grounder.read)
+    describes = turn is not None and turn.act == "describe" and turn.best("relation") == "none"
+    # A relation in a mere description is that of a neighbour, or the grammar's mistake.
+    reading = None if describes else complete(reply.rest, base, antecedent, talk.grounder.read)
     if reading is not None and talk.antecedent is None and names_pronoun(reading):
         reading = complete(reply.rest, base, None, talk.grounder.read)  # "it" refers to nothing yet
     if turn is not None and turn.act == "place" and reading is None and (place := turn.placed(text)):
         reading = Reading(place, steps=(place,))
-    elif turn is not None and turn.act == "describe" and turn.best("relation") == "none":
-        reading = None  # the relation is that of a neighbour, or the grammar's mistake
     placed = reading is not None and (
         reading.query.relation != "none" or bool(base.direction and reading.query.direction)
     )

@@ -22,6 +22,8 @@ from grounding.vocabulary import ShiftDirection
 # Least probability of an act that is taken, and of a qualifier.
 _SURE, _LEAST_QUALIFIER = 0.5, 0.5
 _LEAST = 1e-4
+# Least probability of a reply where the grammar finds a command.
+_SURE_AGAINST = 0.75
 # Least probability at which a command that only the network understands is acted upon.
 _SURE_COMMAND = 0.8
 # Most words of a turn that the grammar understands and is believed about.
@@ -112,7 +114,8 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
         return None
     scores = vote_on_act(prediction.choices["act"], own_act(reply, reading), reader.rule["act"])
     act = max(scores, key=scores.__getitem__)
-    if scores[act] < _SURE:
+    doubted = has_verb(reading) and not reading.problem and act not in ("command", "then")
+    if scores[act] < (_SURE_AGAINST if doubted else _SURE):
         return None
     distance_m = named_distance(text, talk.grounder.lexicon)
     return Turn(act, scores[act], prediction, reply.number or _number(tokens), distance_m)
