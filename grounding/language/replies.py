@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import get_args
 
 from appocc.files import read_text
-from grounding.language.parser import check_type
+from grounding.language.problems import check_type
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon
 from grounding.language.syntax.phrase_patterns import WORD, LexicalEntry, PhrasePattern
 from grounding.language.syntax.quantities import merge_quantities

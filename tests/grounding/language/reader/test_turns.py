@@ -40,7 +40,7 @@ def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
     save_file({**good, "rule.act": np.zeros(2, np.float32)}, path)
     with pytest.raises(DataError, match=r"rule.act: expected shape \(3,\), got \(2,\)"):
         load_turn_reader(path)
-    with pytest.raises(DataError, match="act.weight"):
+    with pytest.raises(DataError, match=r"act\.weight"):
         load_turn_reader(WEIGHTS_PATH)
 
 
