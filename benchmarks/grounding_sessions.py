@@ -60,6 +60,10 @@ BODIES: dict[str, tuple[tuple[float, float, float], str]] = {
 }
 
 
+# Relations that an action implies where none is said.
+_IMPLIED = {"follow": "behind", "overtake": "past", "drive_past": "past"}
+
+
 @dataclass(frozen=True)
 class Vehicle:
     """A vehicle of a made scene: place and heading in the ego frame of the first moment."""
@@ -278,7 +282,10 @@ def judge_strangers(turn: Mapping[str, Any], answer: Answer, last: Answer | None
     if referent not in meant:
         wrong.append(f"referent {referent}")
     relations = {expected["relation"], *expected.get("relation_alt", [])}
-    if expected["relation"] is not None and answer.query.relation not in relations:
+    relation: str = answer.query.relation
+    if relation == "none":  # whoever follows is behind, who overtakes ends in front
+        relation = _IMPLIED.get(answer.query.action or "", relation)
+    if expected["relation"] is not None and not {relation, answer.query.relation} & relations:
         wrong.append(f"relation {answer.query.relation}")
     if expected["relation"] is not None and answer.target is None:
         wrong.append("no place")

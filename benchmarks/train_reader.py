@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from itertools import repeat
 from pathlib import Path
+from typing import Any
 from zlib import crc32
 
 import numpy as np
@@ -29,6 +30,7 @@ from benchmarks.reader.rule import Case, fit_rule
 from benchmarks.reader.variants import Variants
 from grounding.language.evaluation import CORE_FIELDS, ScoredCommand, score_command
 from grounding.language.parser import parse
+from grounding.language.reader.fields import CHOICES
 from grounding.language.reader.network import Numbers, ReaderNetwork
 from grounding.language.reader.reader import WEIGHTS_PATH
 from grounding.language.reader.revision import query_of, revise
@@ -36,11 +38,11 @@ from grounding.language.revised_readings import evidence_of
 from grounding.language.syntax.tokenizer import normalise, tokenise
 
 SEED, BATCH, RATE = 0, 32, 3e-3
-SIZE, HIDDEN, DROPOUT, FEATURE_DROPOUT = 64, 64, 0.3, 0.15
+SIZES: dict[str, Any] = {"size": 64, "hidden": 64, "dropout": 0.3, "feature_dropout": 0.15}
 VARIANTS, VARIANT_WEIGHT = 4, 0.35
 # Longest command, in characters, that another one takes back.
 _SHORT = 70
-_FIELD_WEIGHTS = {"status": 2.0, "direction": 0.7, "goal_side": 0.5, "landmark": 0.5, "trigger": 0.5}
+_FIELD_WEIGHTS = {"status": 2.0, "direction": 0.7, "goal_side": 0.5, "landmark": 0.5, "trigger": 0.5, "act": 2.0}
 
 
 def draw_variants(sentences: Sequence[Sentence]) -> list[Sentence]:
@@ -54,17 +56,20 @@ def draw_variants(sentences: Sequence[Sentence]) -> list[Sentence]:
 def train_once(path: Path, examples: Sequence[Example], weights: Sequence[float], steps: int) -> None:
     """Write a network trained on examples that are drawn by their weights, unless the file is there."""
     if not path.exists():
-        trained = export_weights(train(examples, np.array(weights), steps))
+        torch.manual_seed(SEED)
+        network = TorchReader(CHOICES, **SIZES)
+        train(network, examples, np.array(weights), steps)
+        trained = export_weights(network)
         with whole_file(path) as temporary:
             save_file(trained, temporary)
 
 
-def train(examples: Sequence[Example], weights: Numbers, steps: int) -> TorchReader:
-    """Return a network trained on examples that are drawn by their weights."""
-    torch.manual_seed(SEED)
-    network = TorchReader(size=SIZE, hidden=HIDDEN, dropout=DROPOUT, feature_dropout=FEATURE_DROPOUT)
-    optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=1e-4)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, total_steps=steps, pct_start=0.1)
+def train(
+    network: TorchReader, examples: Sequence[Example], weights: Numbers, steps: int, rate: float = RATE
+) -> None:
+    """Train a network on examples that are drawn by their weights."""
+    optimiser = torch.optim.AdamW(network.parameters(), rate, weight_decay=1e-4)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, rate, total_steps=steps, pct_start=0.1)
     drawn = np.random.default_rng(SEED).choice(len(examples), (steps, BATCH), p=weights / weights.sum())
     for step, numbers in enumerate(drawn, start=1):
         chosen = [examples[i] for i in numbers]
@@ -76,7 +81,6 @@ def train(examples: Sequence[Example], weights: Numbers, steps: int) -> TorchRea
         schedule.step()
         if step % 500 == 0:
             print(f"  step {step} of {steps}, loss {loss.item():.2f}", flush=True)
-    return network
 
 
 def loss_of(found: dict[str, Tensor], examples: Sequence[Example]) -> Tensor:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -102,10 +102,13 @@ def _right_values(label: dict[str, Any], facts: list[WordFacts]) -> dict[str, li
     referent = label["referent"] or {"noun": NONE}
     nouns = (referent["noun"], *referent.get("noun_alt", ()))
     right["noun"] = [NOUNS.index(one) for one in nouns if one in NOUNS]
-    colour = referent.get("colour")
-    coloured = [1 + i for i, fact in enumerate(facts) if fact.colour == colour]
-    right["colour"] = coloured if colour else [0]
+    right["colour"] = colour_words(referent.get("colour"), facts)
     return right
+
+
+def colour_words(colour: str | None, facts: Sequence[WordFacts]) -> list[int]:
+    """Return the indices of the words of a colour, from 1; 0 for no colour."""
+    return [1 + i for i, fact in enumerate(facts) if fact.colour == colour] if colour else [0]
 
 
 def _qualifiers(label: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:

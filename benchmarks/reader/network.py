@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from grounding.language.reader.features import TABLE_ROWS, WordFacts
-from grounding.language.reader.fields import CHOICES, NOUNS, QUALIFIERS
+from grounding.language.reader.fields import NOUNS, QUALIFIERS
 from grounding.language.reader.network import Numbers
 
 _IMPOSSIBLE = -1e4
@@ -51,16 +51,25 @@ def batch_of(sentences: Sequence[tuple[Sequence[Sequence[int]], Sequence[WordFac
 class TorchReader(nn.Module):
     """The network; `forward` returns log probabilities of each field."""
 
-    def __init__(self, *, size: int, hidden: int, dropout: float, feature_dropout: float) -> None:
-        """Make the layers: `size` numbers a word, `hidden` states a direction."""
+    def __init__(
+        self,
+        choices: Mapping[str, tuple[str, ...]],
+        *,
+        size: int,
+        hidden: int,
+        dropout: float,
+        feature_dropout: float,
+    ) -> None:
+        """Make the layers for fields with the given values: `size` numbers a word, `hidden` states a direction."""
         super().__init__()
+        self.fields = tuple(choices)
         both = 2 * hidden
         self.table = nn.Embedding(TABLE_ROWS, size, padding_idx=0)
         with torch.no_grad():
             self.table.weight.mul_(0.3)
         self.gru = nn.GRU(size, hidden, 2, bidirectional=True, batch_first=True, dropout=dropout)
-        self.attention = nn.Linear(both, len(CHOICES) + 1)
-        self.choices = nn.ModuleDict({field: nn.Linear(2 * both, len(values)) for field, values in CHOICES.items()})
+        self.attention = nn.Linear(both, len(choices) + 1)
+        self.choices = nn.ModuleDict({field: nn.Linear(2 * both, len(values)) for field, values in choices.items()})
         self.nothing, self.point = nn.Linear(2 * both, 2), nn.Linear(both, 2)
         self.classes, self.qualifier = nn.Linear(both, len(NOUNS) - 1), nn.Linear(both, len(QUALIFIERS))
         self.qualifier_prior = nn.Parameter(torch.full((len(QUALIFIERS),), -2.0))
@@ -86,7 +95,7 @@ class TorchReader(nn.Module):
         peak = (words + padding[..., None]).amax(1)
         found = {
             field: torch.log_softmax(self.choices[field](torch.cat([pooled[:, i], peak], -1)), -1)
-            for i, field in enumerate(CHOICES)
+            for i, field in enumerate(self.fields)
         }
         nothing = self.nothing(torch.cat([pooled[:, -1], peak], -1))
         pointed = self.point(words) + padding[..., None]
@@ -106,14 +115,39 @@ class TorchReader(nn.Module):
 def export_weights(network: TorchReader) -> dict[str, Numbers]:
     """Return the weights by the names and in the layout of `grounding.language.reader.network`, float16."""
     state = {name: value.detach().numpy() for name, value in network.state_dict().items()}
-    weights = {"table": state["table.weight"], "qualifier_prior": state["qualifier_prior"]}
+    weights = {name: _turned(name, state[source]) for name, source in _sources(network).items()}
+    return {name: np.ascontiguousarray(value, dtype=np.float16) for name, value in weights.items()}
+
+
+def start_from(network: TorchReader, weights: Mapping[str, Numbers], fields: Sequence[str]) -> None:
+    """Copy the weights of another network, as exported, where both have the same; `fields`: those of the other."""
+    state = network.state_dict()
+    for name, source in _sources(network).items():
+        if name in weights and weights[name].shape == _turned(name, state[source].numpy()).shape:
+            state[source].copy_(torch.from_numpy(_turned(name, weights[name].astype(np.float32)).copy()))
+    for i, field in enumerate((*network.fields, "pointers")):
+        if field in (*fields, "pointers"):
+            column = [*fields, "pointers"].index(field)
+            state["attention.weight"][i] = torch.from_numpy(weights["attention.weight"][:, column].astype(np.float32))
+            state["attention.bias"][i] = float(weights["attention.bias"][column])
+    network.load_state_dict(state)
+
+
+def _sources(network: TorchReader) -> dict[str, str]:
+    """Return exported name -> name in the state of the network."""
+    sources = {"table": "table.weight", "qualifier_prior": "qualifier_prior"}
     for layer in (0, 1):
         for direction, suffix in (("forward", ""), ("backward", "_reverse")):
             for name, source in (("input", "ih"), ("state", "hh")):
-                weights[f"gru{layer}.{direction}.{name}"] = state[f"gru.weight_{source}_l{layer}{suffix}"].T
-                weights[f"gru{layer}.{direction}.{name}_bias"] = state[f"gru.bias_{source}_l{layer}{suffix}"]
+                sources[f"gru{layer}.{direction}.{name}"] = f"gru.weight_{source}_l{layer}{suffix}"
+                sources[f"gru{layer}.{direction}.{name}_bias"] = f"gru.bias_{source}_l{layer}{suffix}"
     names = {"attention": "attention", "nothing": "nothing", "point": "point"}
-    names |= {"class": "classes", "qualifier": "qualifier"} | {field: f"choices.{field}" for field in CHOICES}
+    names |= {"class": "classes", "qualifier": "qualifier"} | {one: f"choices.{one}" for one in network.fields}
     for name, source in names.items():
-        weights[f"{name}.weight"], weights[f"{name}.bias"] = state[f"{source}.weight"].T, state[f"{source}.bias"]
-    return {name: np.ascontiguousarray(value, dtype=np.float16) for name, value in weights.items()}
+        sources |= {f"{name}.{part}": f"{source}.{part}" for part in ("weight", "bias")}
+    return sources
+
+
+def _turned(name: str, array: Numbers) -> Numbers:
+    """Return an array as exported, or back: matrices but the table are transposed."""
+    return array.T if array.ndim == 2 and name != "table" else array

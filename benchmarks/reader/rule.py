@@ -77,14 +77,14 @@ def _fit_field(field: str, cases: Sequence[Case]) -> Numbers:
         right[i, : len(names)] = [name in _right_values(one.label, field) for name in names]
     possible = right.any(axis=1)
     evidence = np.array([one.evidence.numbers() for one in cases])
-    logs, owns, rights, numbers = map(_tensor, (network, own, right, evidence))
+    logs, owns, rights, numbers = map(as_tensor, (network, own, right, evidence))
 
     def loss(weights: Tensor) -> Tensor:
         scores = weights[0] * logs + owns * (numbers @ weights[1:])[:, None]
         kept = torch.logsumexp(scores + (1 - rights) * _IMPOSSIBLE, 1) - torch.logsumexp(scores, 1)
         return -kept[torch.from_numpy(possible)].sum() + 0.5 * (weights[1:] ** 2).sum()
 
-    return _minimise(loss, np.array([1.0, 1.0, *[0.0] * 5]))
+    return minimise(loss, np.array([1.0, 1.0, *[0.0] * 5]))
 
 
 def _right_values(label: dict[str, Any], field: str) -> set[str]:
@@ -95,17 +95,18 @@ def _right_values(label: dict[str, Any], field: str) -> set[str]:
 
 
 def _fit_logistic(numbers: Numbers, wanted: Numbers) -> Numbers:
-    inputs, outputs = _tensor(numbers), _tensor(wanted)
+    inputs, outputs = as_tensor(numbers), as_tensor(wanted)
 
     def loss(weights: Tensor) -> Tensor:
         odds = inputs @ weights
         return (torch.logaddexp(torch.zeros(()), odds) - outputs * odds).sum() + 0.5 * (weights**2).sum()
 
-    return _minimise(loss, np.zeros(numbers.shape[1]))
+    return minimise(loss, np.zeros(numbers.shape[1]))
 
 
-def _minimise(loss: Callable[[Tensor], Tensor], start: Numbers) -> Numbers:
-    weights = _tensor(start).requires_grad_()
+def minimise(loss: Callable[[Tensor], Tensor], start: Numbers) -> Numbers:
+    """Return the weights at which a loss is least."""
+    weights = as_tensor(start).requires_grad_()
     optimiser = torch.optim.LBFGS([weights], max_iter=100, line_search_fn="strong_wolfe")
 
     def closure() -> float:
@@ -121,5 +122,6 @@ def _minimise(loss: Callable[[Tensor], Tensor], start: Numbers) -> Numbers:
     return result.astype(np.float32)
 
 
-def _tensor(values: Any) -> Tensor:
+def as_tensor(values: Any) -> Tensor:
+    """Return numbers as a tensor of double precision."""
     return torch.from_numpy(np.asarray(values, dtype=np.float64).copy())

@@ -41,10 +41,15 @@ class Variants:
             *(self._other_vehicle, self._other_vehicle, self._repair, self._repair, self._mentioned),
             *(self._mirror, self._mirror, self._taken_back, self._report, self._forbidden),
         )
+        self._of_turns: tuple[Callable[[Label], Label | None], ...] = (
+            *(self._address, self._reason, self._story_after, self._typo, self._typed),
+            *(self._other_vehicle, self._other_vehicle, self._mirror, self._mirror),
+        )
 
     def draw(self, label: Label) -> Label | None:
-        """Return a variant, None if some tries gave none."""
-        tries = (self._random.choice(self._kinds)(label) for _ in range(3))
+        """Return a variant of a sentence or of a turn, None if some tries gave none."""
+        kinds = self._of_turns if "act" in label else self._kinds
+        tries = (self._random.choice(kinds)(label) for _ in range(3))
         return next((one for one in tries if one is not None), None)
 
     def _pick(self, name: str) -> str:
@@ -149,8 +154,8 @@ class Variants:
 
     def _mirror(self, label: Label) -> Label | None:
         """Left for right."""
-        keys = ("direction", "goal_side", "relation", "relation_alt", "referent", "secondary", "excluded")
-        fields = json.dumps({key: label[key] for key in keys})
+        keys = ("direction", "goal_side", "relation", "relation_alt", "referent", "secondary", "excluded", "shift")
+        fields = json.dumps({key: label[key] for key in keys if key in label})
         if _NO_SIDE.search(label["command"]) or not _SIDE.search(label["command"]) or not _SIDE.search(fields):
             return None
         return {**label, **json.loads(_mirrored(fields)), "command": _mirrored(label["command"])}

@@ -13,6 +13,7 @@ from grounding.dialogue.fragments import complete, names_pronoun, read_descripti
 from grounding.dialogue.merging import merge_request
 from grounding.dialogue.reports import ask_again, cancel, inform
 from grounding.dialogue.telling import said
+from grounding.dialogue.turns import Turn
 from grounding.goal.shift import Shift
 from grounding.language import Reading
 from grounding.language.replies import Reply
@@ -24,35 +25,46 @@ from grounding.vocabulary import Action, ShiftDirection
 BIT_M = 2.0
 
 
-def answer_fragment(talk: Conversation, text: str, reply: Reply) -> Answer | None:
-    """Answer a sentence without a verb: a description, or another relation; None if it is neither."""
+def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | None = None) -> Answer | None:
+    """Answer a sentence without a verb: a description, or another relation; None if it is neither.
+
+    What the grammar does not find in it is taken from `turn`, if that is given.
+    """
     state, request = talk.state, talk.state.request
     if request is None:
         return None
     base = request.query
     antecedent = talk.antecedent or (None if base.referent else Referent("vehicle", "one"))
-    reading = complete(reply.rest, base, antecedent, talk.grounder.read)
+    describes = turn is not None and turn.act == "describe" and turn.best("relation") == "none"
+    # A relation in a mere description is that of a neighbour, or the grammar's mistake.
+    reading = None if describes else complete(reply.rest, base, antecedent, talk.grounder.read)
     if reading is not None and talk.antecedent is None and names_pronoun(reading):
         reading = complete(reply.rest, base, None, talk.grounder.read)  # "it" refers to nothing yet
+    if turn is not None and turn.act == "place" and reading is None and (place := turn.placed(text)):
+        reading = Reading(place, steps=(place,))
     placed = reading is not None and (
         reading.query.relation != "none" or bool(base.direction and reading.query.direction)
     )
     answers = state.question is not None and not (placed and "no" in reply.kinds)  # "no, behind the lorry" does not
-    if answers and (answer := _answer_description(talk, text, reply, state.question)):
+    if answers and (answer := _answer_description(talk, text, reply, state.question, turn)):
         return answer
     if reading is not None and (placed or base.referent is None):
         return _modify(talk, said(widen(reading, talk.scene), text), request)
-    if answer := _answer_description(talk, text, reply, None):
+    if answer := _answer_description(talk, text, reply, None, turn):
         return answer
     if reading is not None:
         return _modify(talk, said(reading, text), request)
-    return ask_again(talk, text) if state.question is not None else None
+    return None
 
 
-def _answer_description(talk: Conversation, text: str, reply: Reply, question: Answer | None) -> Answer | None:
+def _answer_description(
+    talk: Conversation, text: str, reply: Reply, question: Answer | None, turn: Turn | None
+) -> Answer | None:
     """Answer the description of a vehicle: one of the candidates of a question, else any vehicle of the scene."""
     request = talk.state.request
     reading = read_description(reply.rest, talk.antecedent, talk.grounder.read)
+    if reading is None and turn is not None and turn.act == "describe":
+        reading = described_by(turn, talk.antecedent)
     if question is not None and (others := _all_but(talk, reply.rest, question)) and request is not None:
         return talk.narrow(others, replace(request, reading=said(request.reading, text)))
     if request is None or reading is None:
@@ -71,7 +83,18 @@ def _answer_description(talk: Conversation, text: str, reply: Reply, question: A
         return talk.choose(found.candidates[0], described)
     if found.status == "ambiguous":
         return talk.narrow(found.candidates, described)
-    return talk.take(talk.state.with_request(described)) if question is None else None
+    if question is not None or (turn is not None and talk.state.question is not None):
+        return None  # a question stays open if what is not plain fits nothing
+    return talk.take(talk.state.with_request(described))
+
+
+def described_by(turn: Turn | None, antecedent: Referent | None) -> Reading | None:
+    """Return the partial reading of the vehicle that the reader of turns finds described; None without one."""
+    referent = turn.described(antecedent) if turn is not None else None
+    if referent is None:
+        return None
+    query = Query("", referent=referent)
+    return Reading(query, steps=(query,))
 
 
 def _all_but(talk: Conversation, words: str, question: Answer) -> list[Candidate]:

@@ -64,13 +64,14 @@ def names_pronoun(reading: Reading) -> bool:
     return first is None or first.category is WordCategory.PRONOUN
 
 
-def read_description(text: str, antecedent: Referent | None, read: Reader) -> Reading | None:
+def read_description(text: str, antecedent: Referent | None, read: Reader, *, whole: bool = False) -> Reading | None:
     """Read a fragment as the description of a vehicle: "the closer one", "on the left", "red".
 
     Args:
         text: the fragment.
         antecedent: what "one" stands for.
         read: the grammar.
+        whole: whether no part of the fragment may be left out.
 
     Returns:
         A reading whose query is partial: it has the vehicle, and neither an action nor a place; None if the fragment
@@ -81,18 +82,28 @@ def read_description(text: str, antecedent: Referent | None, read: Reader) -> Re
         return None
     # With the colour of what was spoken of, the same colour would be a word without effect.
     bare = antecedent and Referent(antecedent.noun, antecedent.head)
-    for part, meant, phrase in product(_shortened(text), dict.fromkeys((antecedent, bare)), _PHRASES):
+    second: Reading | None = None
+    for part, meant, phrase in product(
+        [text] if whole else _shortened(text), dict.fromkeys((antecedent, bare)), _PHRASES
+    ):
         reading = read(phrase.format(part), meant, "")[0]
         referent = reading.query.referent
-        if referent is None or reading.query.relation != "none" or not _is_understood(reading):
+        if referent is None or reading.query.relation != "none" or not is_understood(reading):
             continue
         if not _is_bare(referent, reading):
-            return _with_query(reading, replace(reading.query, action=None, actions=(), landmark=None))
-    return None
+            found = _with_query(reading, replace(reading.query, action=None, actions=(), landmark=None))
+            if not _has_unknown(reading):
+                return found
+            second = second or found
+    return second
 
 
-def complete(text: str, base: Query, antecedent: Referent | None, read: Reader) -> Reading | None:
+def complete(
+    text: str, base: Query, antecedent: Referent | None, read: Reader, *, whole: bool = False
+) -> Reading | None:
     """Read a fragment with the verb of an earlier command: "in front of it" after "park behind the red car".
+
+    `whole`: whether no part of the fragment may be left out.
 
     Returns:
         A reading whose query is partial: it has what the fragment names; None if that is no relation, side or
@@ -100,12 +111,12 @@ def complete(text: str, base: Query, antecedent: Referent | None, read: Reader) 
     """
     text = with_superlatives(text)
     verb = _VERBS.get(base.action or "stop", base.action or "stop")
-    for part, phrase, said in product(_shortened(text), _PLACES, dict.fromkeys((verb, "stop"))):
+    for part, phrase, said in product([text] if whole else _shortened(text), _PLACES, dict.fromkeys((verb, "stop"))):
         reading = read(phrase.format(part), antecedent, said)[0]
         query = reading.query
         sides = query.goal_side or query.road_side or query.direction
         gap = query.distance_m is not None and query.distance_of != "descriptor"
-        if (query.relation != "none" or sides or gap) and _is_understood(reading):
+        if (query.relation != "none" or sides or gap) and is_understood(reading):
             return _with_query(reading, replace(query, action=None, actions=()))
     return None
 
@@ -157,9 +168,13 @@ def _begins_with_event(reading: Reading) -> bool:
     return first is not None and first.category is WordCategory.VERB and bool(first.form) and not first.state
 
 
-def _is_understood(reading: Reading) -> bool:
+def is_understood(reading: Reading) -> bool:
     """Return whether a reading is a command that uses all its words."""
     return not (reading.problem or reading.dropped or reading.doubt)
+
+
+def _has_unknown(reading: Reading) -> bool:
+    return any(token.category is WordCategory.UNKNOWN for token in reading.tokens)
 
 
 def _is_bare(referent: Referent, reading: Reading) -> bool:

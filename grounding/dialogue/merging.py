@@ -11,6 +11,7 @@ from typing import Any
 
 from grounding.answering import Request
 from grounding.query import Query
+from grounding.vocabulary import REFUSED
 
 
 def merge_request(request: Request, partial: Query) -> Request:
@@ -38,6 +39,8 @@ def merge(base: Query, partial: Query) -> Query:
     gap = partial.relation == "near" and partial.distance_m is not None and base.relation != "none"
     names_place = (partial.relation != "none" or partial.landmark is not None) and not gap  # "3 metres from it"
     slots: dict[str, Any] = {"command": partial.command}
+    if base.manoeuvre in REFUSED:
+        slots["manoeuvre"] = None  # what was refused is not asked for again
     if partial.action is not None:
         slots |= {"action": partial.action, "actions": partial.actions}
     if partial.referent is not None:

@@ -76,9 +76,12 @@ def cancel(talk: Conversation, text: str) -> Answer:
     )
 
 
-def look_for(talk: Conversation, text: str, words: str) -> Answer:
-    """Answer whether a vehicle is there; the only one that fits is what "it" refers to then."""
-    reading = read_description(words, talk.antecedent, talk.grounder.read)
+def look_for(talk: Conversation, text: str, words: str, guess: Reading | None = None) -> Answer:
+    """Answer whether a vehicle is there; the only one that fits is what "it" refers to then.
+
+    `guess`: the description, where the grammar finds none in the words.
+    """
+    reading = read_description(words, talk.antecedent, talk.grounder.read) or guess
     if reading is None or reading.query.referent is None:
         return not_understood(talk, text, talk.read(text))
     found = resolve(Query("", referent=reading.query.referent), talk.scene)
@@ -97,9 +100,9 @@ def tell_vehicle(talk: Conversation, text: str) -> Answer:
     return inform(talk, text, f"it is the {describe_object(talk.meant.item, talk.scene)}")
 
 
-def count(talk: Conversation, text: str, words: str) -> Answer:
-    """Tell how many vehicles fit a description; "the one" refers to one of them then."""
-    reading = read_description(words, talk.antecedent, talk.grounder.read)
+def count(talk: Conversation, text: str, words: str, guess: Reading | None = None) -> Answer:
+    """Tell how many vehicles fit a description; "the one" refers to one of them then. `guess` as in `look_for`."""
+    reading = read_description(words, talk.antecedent, talk.grounder.read) or guess
     if reading is None or reading.query.referent is None:
         return not_understood(talk, text, talk.read(text))
     sought = replace(reading.query.referent, definite=True, number=1)

@@ -17,6 +17,7 @@ from grounding.dialogue.changes import (
     BIT_M,
     answer_fragment,
     change_distance,
+    described_by,
     drop_steps,
     replace_step,
     scale_distance,
@@ -39,7 +40,7 @@ from grounding.dialogue.choices import (
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import find_fitting, is_plainly_definite, widen
 from grounding.dialogue.following import follow_plan, relocate
-from grounding.dialogue.fragments import has_verb, keep_action, names_pronoun, refers_to_place
+from grounding.dialogue.fragments import has_verb, is_understood, keep_action, names_pronoun, refers_to_place
 from grounding.dialogue.merging import merge_request, names_gap_only
 from grounding.dialogue.reports import (
     ask_again,
@@ -55,8 +56,10 @@ from grounding.dialogue.reports import (
     tell_vehicle,
 )
 from grounding.dialogue.telling import ask, said
+from grounding.dialogue.turns import Turn, read_turn
 from grounding.goal.shift import Shift
 from grounding.language import Reading, WordCategory
+from grounding.language.reader.fields import NONE
 from grounding.language.replies import Reply, read_reply
 from grounding.referent.resolver import Candidate
 from grounding.vocabulary import Action
@@ -79,6 +82,8 @@ _ACTS: Mapping[str, Callable[[Conversation, str], Answer]] = {
     "yes": confirm,
     "no": refuse,
     "thanks": keep,
+    "remark": keep,
+    "pause": keep,
     "any": take_any,
     "undo": go_back,
     "about": tell_vehicle,
@@ -93,6 +98,8 @@ _ACTS: Mapping[str, Callable[[Conversation, str], Answer]] = {
     "less": partial(shift_more, sign=-1.0),
     "elsewhere": partial(shift_last, shift=Shift("ahead", _ELSEWHERE_M)),
 }
+# Replies that hold where what follows is not understood: "cancel, I'm taking a call first".
+_BEFORE_REASONS = ("cancel", "any", "yes", "neither", "thanks", "undo", "why")
 # Replies about the words that follow them.
 _ABOUT_WORDS: Mapping[str, Callable[[Conversation, str, str], Answer]] = {
     "seek": look_for,
@@ -141,8 +148,10 @@ class Session:
         Raises:
             AppoccError: if no scene is set.
         """
-        answer = _answer(self._talk, text, read_reply(text, self._talk.grounder.lexicon))
-        return replace(answer, chooser=self.choose)
+        talk, reply = self._talk, read_reply(text, self._talk.grounder.lexicon)
+        turn = read_turn(talk, text, reply)
+        answer = _answer_turn(talk, text, reply, turn) if turn else None
+        return replace(answer or _answer(talk, text, reply, turn), chooser=self.choose)
 
     def choose(self, number: int) -> Answer:
         """Choose a candidate of the last question, or of the last answer, by its number from 1.
@@ -195,9 +204,38 @@ class Session:
         return answer
 
 
-def _answer(talk: Conversation, text: str, reply: Reply) -> Answer:
-    """Answer a sentence that is split into replies and the rest."""
+def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Answer | None:
+    """Answer a turn by what its reader takes it for; None where the grammar is to answer."""
+    act, state = turn.act, talk.state
+    if act in ("seek", "count", "about") and (named := described_by(turn, talk.antecedent)):
+        asked = reply.rest or text
+        if act == "about" and turn.best("noun") == NONE:
+            return tell_vehicle(talk, text)
+        return (count if act == "count" else look_for)(talk, text, asked, named)
+    if talk.is_opening:
+        return tell_seen(talk, text) if act == "seen" else None
+    if act == "number":
+        return choose_number(talk, text, turn.number) if turn.number is not None else None
+    if act == "shift":
+        shift = Shift(turn.shift, turn.distance_m or BIT_M)
+        return None if reply.leading_shift else shift_last(talk, text, shift)
+    if act in ("more", "less"):
+        return shift_more(talk, text, 1.0 if act == "more" else -1.0, turn.distance_m or BIT_M)
+    if act in ("describe", "place"):
+        return answer_fragment(talk, text, reply, turn) or (ask_again(talk, text) if state.question else None)
+    if act == "drop":
+        action = turn.best("action")
+        return drop_steps(talk, text, action) if action in {one.query.action for one in state.plan} else None
+    if act == "room":
+        return tell_room(talk, text, reply.rest or text)
+    return _ACTS[act](talk, text) if act in _ACTS else None
+
+
+def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> Answer:
+    """Answer a sentence that is split into replies and the rest; `turn`: what its reader takes it for."""
     state = talk.state
+    turn = turn if turn is not None and turn.act in ("command", "then") else None
+    then = "then" in reply.kinds or (turn is not None and turn.act == "then")
     offered = state.question is not None and not state.question.plan.question
     if reply.number is not None and (not reply.rest or offered):
         named = state.question is None and state.request is not None and state.request.query.distance_m is not None
@@ -209,7 +247,7 @@ def _answer(talk: Conversation, text: str, reply: Reply) -> Answer:
         return shift_last(talk, text, Shift(reply.shift, distance_m))
     if not reply.rest:
         act = _ACTS.get(reply.kinds[-1]) if reply.kinds else None
-        return act(talk, text) if act else _command(talk, text, text)
+        return act(talk, text) if act else _command(talk, text, text, turn=turn)
     if reply.kinds[-1:] == ("why",):
         return tell_reasons(talk, text)
     if about := _ABOUT_WORDS.get(reply.kinds[-1] if reply.kinds else ""):
@@ -229,21 +267,35 @@ def _answer(talk: Conversation, text: str, reply: Reply) -> Answer:
     if reply.leading_shift and (answer := shift_from_named(talk, text, reply.leading_shift, reply.rest)):
         return answer
     if reply.leading_shift and reading.problem:
-        return answer_fragment(talk, text, reply) or shift_last(talk, text, Shift(reply.leading_shift, BIT_M))
+        if answer := answer_fragment(talk, text, reply):
+            return answer
+        if state.question is None:
+            return shift_last(talk, text, Shift(reply.leading_shift, BIT_M))
     if reading.doubt and state.request is not None and (answer := answer_fragment(talk, text, reply)):
         return answer  # "in front, easier to get out": the verb is that of a reason
-    if has_verb(reading):
+    reasoned = bool(reading.problem) and turn is None and reply.kinds[-1:] and reply.kinds[-1] in _BEFORE_REASONS
+    if has_verb(reading) and not reasoned:
         edits = "no" in reply.kinds or "meant" in reply.kinds
-        return _command(talk, text, reply.rest, "then" in reply.kinds, "yes" in reply.kinds, edits)
-    if "then" in reply.kinds and not reading.problem:
-        return _command(talk, text, reply.rest, then=True)
+        return _command(talk, text, reply.rest, then, "yes" in reply.kinds, edits, turn)
+    if then and not reading.problem:
+        return _command(talk, text, reply.rest, then=True, turn=turn)
     if answer := answer_fragment(talk, text, reply):
         return answer
-    return _command(talk, text, text if reading.problem else reply.rest)
+    if reasoned:
+        return _ACTS[reply.kinds[-1]](talk, text)
+    if state.question is not None and state.request is not None and not turn:
+        return ask_again(talk, text)
+    return _command(talk, text, text if reading.problem else reply.rest, turn=turn)
 
 
 def _command(
-    talk: Conversation, text: str, words: str, then: bool = False, agreed: bool = False, edits: bool = False
+    talk: Conversation,
+    text: str,
+    words: str,
+    then: bool = False,
+    agreed: bool = False,
+    edits: bool = False,
+    turn: Turn | None = None,
 ) -> Answer:
     """Answer a command.
 
@@ -254,9 +306,15 @@ def _command(
         then: whether it is a further step of the plan in force.
         agreed: whether it is about the first candidate.
         edits: whether it corrects the step of the same action.
+        turn: the turn by its reader, if that takes it for a command.
     """
     state, grounder = talk.state, talk.grounder
     readings = grounder.read(words, talk.antecedent, alone=talk.is_opening and words == text)
+    if not is_understood(readings[0]) and not names_pronoun(readings[0]):
+        alone = grounder.read(words)  # with the vote of the reader, which reads sentences that stand alone
+        readings = readings if alone[0].problem else alone
+    if turn is not None:
+        readings = (turn.as_command(readings[0]), *readings[1:])
     if readings[0].problem:
         return not_understood(talk, text, readings[0], words)
     base = state.request

@@ -8,7 +8,7 @@ from functools import cached_property
 from itertools import islice
 
 from grounding.language.ambiguity import MAX_READINGS, list_alternatives
-from grounding.language.problems import CommandError, ParseProblem, find_problem
+from grounding.language.problems import ParseProblem, check_type, find_problem
 from grounding.language.reading import Reading
 from grounding.language.revised_readings import revise_readings
 from grounding.language.semantics.accounting import Account, account_for
@@ -89,16 +89,6 @@ def parse_all(
 def _is_clean(way: Tokenised) -> bool:
     """Return whether a way to read a sentence changes no word, and understands all."""
     return not way.corrections and all(token.category is not WordCategory.UNKNOWN for token in way.tokens)
-
-
-def check_type(text: object) -> None:
-    """Check that a command is text.
-
-    Raises:
-        CommandError: if it is not.
-    """
-    if not isinstance(text, str):
-        raise CommandError(f"expected a command as text (str), got {type(text).__name__}")
 
 
 class _Analysis:

@@ -88,3 +88,13 @@ def _find_misspelt_verb(
             message = f"'{token.written}' is not understood: did you mean '{shown}'?"
             return ParseProblem(message, token.start, token.end, unreadable=True)
     return None
+
+
+def check_type(text: object) -> None:
+    """Check that a command is text.
+
+    Raises:
+        CommandError: if it is not.
+    """
+    if not isinstance(text, str):
+        raise CommandError(f"expected a command as text (str), got {type(text).__name__}")

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import get_args
 
 from appocc.files import read_text
-from grounding.language.parser import check_type
+from grounding.language.problems import check_type
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon
-from grounding.language.syntax.phrase_patterns import WORD, LexicalEntry
+from grounding.language.syntax.phrase_patterns import WORD, LexicalEntry, PhrasePattern
 from grounding.language.syntax.quantities import merge_quantities
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, normalise, tokenise
 from grounding.language.syntax.word_categories import WordCategory
@@ -116,6 +116,11 @@ def read_reply(text: str, lexicon: Lexicon | None = None) -> Reply:
         if distance_m is not None and not left and more and more[-1] in (*SHIFTS, "more", "less"):
             return Reply((*kinds, *more), "", None, distance_m)
     return Reply(kinds, " ".join(rest))
+
+
+def named_distance(text: str, lexicon: Lexicon | None = None) -> float | None:
+    """Return the only distance that a sentence names, in metres; None without one."""
+    return _without_distance(tuple(WORD.findall(normalise(text))), lexicon or default_lexicon())[0]
 
 
 def with_superlatives(text: str) -> str:
@@ -224,6 +229,11 @@ def _ordinal(words: Sequence[str], lexicon: Lexicon) -> int | None:
     if len(named) != 1 or not all(token.category in allowed for token in others):
         return None
     return 1 + _ORDINALS.index(named[0].value)
+
+
+def reply_patterns() -> list[PhrasePattern]:
+    """Return the patterns of all replies, each with its kind as the value of its entry."""
+    return [*{id(one): one for patterns in _replies().by_word.values() for one in patterns}.values()]
 
 
 @cache

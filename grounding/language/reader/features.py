@@ -67,7 +67,7 @@ def token_features(tokens: Sequence[Token]) -> list[list[int]]:
         One list for each token, without duplicates, in order.
     """
     tagged = {token.start: token for token in tag(tokens)}
-    return [[*dict.fromkeys(map(_row, _names(token, tagged.get(token.start))))] for token in tokens]
+    return [[*dict.fromkeys(map(feature_row, _names(token, tagged.get(token.start))))] for token in tokens]
 
 
 def _names(token: Token, tagged: Token | None) -> Iterator[str]:
@@ -93,5 +93,6 @@ def _names(token: Token, tagged: Token | None) -> Iterator[str]:
             yield from (f"g:{marked[i : i + _GRAM]}" for i in range(max(1, len(marked) - _GRAM + 1)))
 
 
-def _row(name: str) -> int:
+def feature_row(name: str) -> int:
+    """Return the row of a feature in the table, by its name."""
     return 1 + crc32(name.encode()) % (TABLE_ROWS - 1)

@@ -6,7 +6,7 @@ from typing import get_args
 
 from grounding.query import Direction
 from grounding.query_schema import Noun, Qualifier
-from grounding.vocabulary import Action, Relation, Trigger
+from grounding.vocabulary import Action, Relation, ShiftDirection, Trigger
 
 NONE = "none"
 NOUNS: tuple[str, ...] = (NONE, *get_args(Noun))
@@ -23,3 +23,17 @@ CHOICES: dict[str, tuple[str, ...]] = {
 }
 # Fields about which grammar and network vote.
 FIELDS = ("action", "relation", "direction", "noun", "colour")
+# What a turn of a conversation does.
+ACTS: tuple[str, ...] = (
+    *("yes", "no", "any", "other", "neither", "number", "middle", "following", "previous"),
+    *("describe", "place", "shift", "more", "less", "half", "double"),
+    *("cancel", "undo", "elsewhere", "pause"),
+    *("heading", "why", "repeat", "seen", "about", "count", "seek", "room"),
+    *("command", "then", "drop", "remark"),
+)
+# The same of a turn.
+TURN_CHOICES: dict[str, tuple[str, ...]] = {
+    "act": ACTS,
+    "shift": get_args(ShiftDirection),
+    **{field: CHOICES[field] for field in ("action", "relation", "direction", "goal_side")},
+}

@@ -12,6 +12,7 @@ import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,8 @@ class Prediction:
     """Probabilities of the fields of a query.
 
     Attributes:
-        choices: field of `CHOICES` or "noun" or "colour" -> value -> probability; NONE stands for no value.
+        choices: field of the network's choices or "noun" or "colour" -> value -> probability; NONE stands for no
+            value.
         qualifiers: qualifier -> probability.
         head: word that names the vehicle most likely; '' for a word that the lexicon knows as no vehicle's name.
     """
@@ -51,8 +53,11 @@ class Prediction:
 class ReaderNetwork:
     """The network with its weights; `predict` takes about a millisecond."""
 
-    def __init__(self, weights: Mapping[str, Numbers]) -> None:
-        """Take the weights by name: those of `benchmarks.reader.network.export_weights`."""
+    def __init__(
+        self, weights: Mapping[str, Numbers], choices: Mapping[str, tuple[str, ...]] = MappingProxyType(CHOICES)
+    ) -> None:
+        """Take the weights by name, those of `benchmarks.reader.network.export_weights`, and the fields' values."""
+        self.choices = choices
         self.weights = {name: array.astype(np.float32) for name, array in weights.items()}
 
     def predict(self, tokens: Sequence[Token]) -> Prediction:
@@ -73,7 +78,7 @@ class ReaderNetwork:
         pooled, peak = attention.T @ words, words.max(axis=0)
         choices = {
             field: dict(zip(values, _softmax(self._linear(field, np.concatenate([own, peak]))).tolist(), strict=True))
-            for (field, values), own in zip(CHOICES.items(), pooled, strict=False)
+            for (field, values), own in zip(self.choices.items(), pooled, strict=False)
         }
         nothing = self._linear("nothing", np.concatenate([pooled[-1], peak]))
         pointed = self._linear("point", words)

@@ -58,26 +58,41 @@ def load_reader(path: PathLike) -> Reader:
     Raises:
         DataError: if the file is missing, damaged, or holds other weights.
     """
+    arrays, rule = load_weights(path, CHOICES, _RULE_SHAPES)
+    return Reader(ReaderNetwork(arrays), rule)
+
+
+def load_weights(
+    path: PathLike, choices: Mapping[str, tuple[str, ...]], rule_shapes: Mapping[str, tuple[int, ...]]
+) -> tuple[dict[str, Numbers], dict[str, Numbers]]:
+    """Return the arrays of a weights file by name, and those of its rule.
+
+    Args:
+        path: the file.
+        choices: fields of the network and their values.
+        rule_shapes: shape of each array of the rule.
+
+    Raises:
+        DataError: if the file is missing, damaged, or holds other weights.
+    """
     try:
         arrays = {name: array.astype(np.float32) for name, array in load(read_file(path, _MOST_BYTES)).items()}
     except (SafetensorError, ValueError, TypeError) as error:
         raise DataError(f"{path}: no weights of the reader ({error})") from error
-    _check_shapes(path, arrays)
-    rule = {name.removeprefix(_RULE): array for name, array in arrays.items() if name.startswith(_RULE)}
-    return Reader(ReaderNetwork(arrays), rule)
-
-
-def _check_shapes(path: PathLike, arrays: Mapping[str, Numbers]) -> None:
     size, hidden = (arrays[name].shape[-1] if name in arrays else 0 for name in ("table", "gru0.forward.state"))
-    for name, shape in _expected_shapes(size, hidden // 3).items():
+    expected = _expected_shapes(size, hidden // 3, choices)
+    expected |= {f"{_RULE}{name}": shape for name, shape in rule_shapes.items()}
+    for name, shape in expected.items():
         got = arrays[name].shape if name in arrays else None
         if got != shape:
             raise DataError(f"{path}: {name}: expected shape {shape}, got {got}")
         if not np.isfinite(arrays[name]).all():
             raise DataError(f"{path}: {name}: expected finite numbers")
+    rule = {name.removeprefix(_RULE): array for name, array in arrays.items() if name.startswith(_RULE)}
+    return arrays, rule
 
 
-def _expected_shapes(size: int, hidden: int) -> dict[str, tuple[int, ...]]:
+def _expected_shapes(size: int, hidden: int, choices: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[int, ...]]:
     """Return array name -> shape, for `size` numbers a feature and `hidden` states a direction."""
     both = 2 * hidden
     shapes: dict[str, tuple[int, ...]] = {"table": (TABLE_ROWS, size), "qualifier_prior": (len(QUALIFIERS),)}
@@ -85,12 +100,12 @@ def _expected_shapes(size: int, hidden: int) -> dict[str, tuple[int, ...]]:
         for name in (f"gru{layer}.forward", f"gru{layer}.backward"):
             shapes |= {f"{name}.input": (inputs, 3 * hidden), f"{name}.state": (hidden, 3 * hidden)}
             shapes |= {f"{name}.input_bias": (3 * hidden,), f"{name}.state_bias": (3 * hidden,)}
-    linear = {field: (2 * both, len(values)) for field, values in CHOICES.items()}
-    linear |= {"attention": (both, len(CHOICES) + 1), "nothing": (2 * both, 2), "point": (both, 2)}
+    linear = {field: (2 * both, len(values)) for field, values in choices.items()}
+    linear |= {"attention": (both, len(choices) + 1), "nothing": (2 * both, 2), "point": (both, 2)}
     linear |= {"class": (both, len(NOUNS) - 1), "qualifier": (both, len(QUALIFIERS))}
     for name, (inputs, outputs) in linear.items():
         shapes |= {f"{name}.weight": (inputs, outputs), f"{name}.bias": (outputs,)}
-    return shapes | {f"{_RULE}{name}": shape for name, shape in _RULE_SHAPES.items()}
+    return shapes
 
 
 @cache

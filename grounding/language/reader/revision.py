@@ -126,7 +126,7 @@ def revise(query: Query, evidence: Evidence, prediction: Prediction, rule: Mappi
         if odds < _LEAST_ODDS or (evidence.whole and evidence.words <= _SHORT):
             return Revision(query, (), sure)
         certain = sure * prediction.certainty
-        return Revision(_command_of(query.command, prediction), (("status", "reject", "ok"),), certain)
+        return Revision(command_of(query.command, prediction), (("status", "reject", "ok"),), certain)
     if odds < _LEAST_ODDS_KEPT:
         return Revision(Query(query.command), (("status", "ok", "reject"),), sure)
     values = {}
@@ -161,10 +161,10 @@ def query_of(command: str, prediction: Prediction) -> Query:
     """Return the network's own query, without an action if it takes the sentence for no command."""
     if _best(prediction, "status") == "reject":
         return Query(command)
-    return _command_of(command, prediction)
+    return command_of(command, prediction)
 
 
-def _command_of(command: str, prediction: Prediction) -> Query:
+def command_of(command: str, prediction: Prediction) -> Query:
     """Return the network's reading of a command."""
     values = {field: _best(prediction, field) for field in FIELDS}
     qualifiers = tuple(one for one, probability in prediction.qualifiers.items() if probability > 0.5)

@@ -16,6 +16,7 @@ from benchmarks.reader.examples import Example, example_of, read_sentences
 from benchmarks.reader.network import TorchReader, batch_of, export_weights
 from benchmarks.reader.variants import Variants
 from benchmarks.train_reader import loss_of
+from grounding.language.reader.fields import CHOICES
 from grounding.language.reader.network import MAX_TOKENS, ReaderNetwork
 from grounding.language.reader.reader import WEIGHTS_PATH, default_reader, load_reader
 from grounding.language.reader.revision import Evidence
@@ -75,7 +76,7 @@ def examples() -> list[Example]:
 
 def test_the_network_in_numpy_is_that_in_torch() -> None:
     torch.manual_seed(1)
-    network = TorchReader(size=8, hidden=6, dropout=0.2, feature_dropout=0.1).eval()
+    network = TorchReader(CHOICES, size=8, hidden=6, dropout=0.2, feature_dropout=0.1).eval()
     for value in network.parameters():
         value.data = value.data.half().float()
     chosen = examples()
@@ -93,7 +94,7 @@ def test_the_network_in_numpy_is_that_in_torch() -> None:
 
 def test_training_lowers_the_loss() -> None:
     torch.manual_seed(1)
-    network, chosen = TorchReader(size=8, hidden=6, dropout=0.0, feature_dropout=0.0), examples()
+    network, chosen = TorchReader(CHOICES, size=8, hidden=6, dropout=0.0, feature_dropout=0.0), examples()
     optimiser = torch.optim.AdamW(network.parameters(), 0.02)
     losses = []
     for _ in range(12):

@@ -1,0 +1,161 @@
+"""Train the network that reads the turns of a conversation.
+
+python -m benchmarks.train_turns [--out FILE] [--work FOLDER] [--folds 3] [--steps 1500] [--workers 1]
+
+It begins with the weights of the reader of whole commands. The speakers of the turns are divided into folds; the
+turns of each fold are read by a network that saw none of its speakers: these are the figures that are printed, and
+the readings on which the vote with the patterns of replies is fitted. Then it is trained on all turns. The same seed
+gives the same weights on the same machine. Networks that are in the work folder are not trained again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from itertools import repeat
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from safetensors.numpy import load_file, save_file
+from torch import Tensor
+
+from appocc.files import whole_file
+from benchmarks.reader.examples import Example, Sentence
+from benchmarks.reader.network import TorchReader, export_weights, start_from
+from benchmarks.reader.rule import as_tensor, minimise
+from benchmarks.reader.turns import read_patterns, read_turns, read_whole_commands, turn_example
+from benchmarks.reader.variants import Variants
+from benchmarks.train_reader import SEED, SIZES, VARIANT_WEIGHT, fold_of, train
+from grounding.dialogue.turns import Turn, own_act, vote_on_act
+from grounding.language.parser import parse
+from grounding.language.reader.fields import ACTS, CHOICES, TURN_CHOICES
+from grounding.language.reader.network import Numbers, Prediction, ReaderNetwork
+from grounding.language.reader.reader import WEIGHTS_PATH
+from grounding.language.reader.turns import TURNS_PATH
+from grounding.language.replies import read_reply
+from grounding.query import Referent
+
+RATE, VARIANTS = 2e-3, 3
+TURN_SIZES = SIZES | {"dropout": 0.4, "feature_dropout": 0.25}
+
+
+def train_once(path: Path, examples: Sequence[Example], weights: Sequence[float], steps: int) -> None:
+    """Write a network trained on examples that are drawn by their weights, unless the file is there."""
+    if path.exists():
+        return
+    torch.manual_seed(SEED)
+    network = TorchReader(TURN_CHOICES, **TURN_SIZES)
+    start_from(network, load_file(WEIGHTS_PATH), tuple(CHOICES))
+    train(network, examples, np.array(weights), steps, RATE)
+    with whole_file(path) as temporary:
+        save_file(export_weights(network), temporary)
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A labelled turn, what the network predicts, and the act by the grammar with the index of its vote."""
+
+    label: dict[str, Any]
+    prediction: Prediction
+    own: tuple[str, int]
+
+
+def cases_of(network: ReaderNetwork, turns: Sequence[Sentence]) -> list[Case]:
+    """Return the readings of turns by a network and by the grammar."""
+    cases = []
+    for one in turns:
+        example = turn_example(one.label)
+        if example is not None:
+            prediction = network.predict_rows(example.rows, example.facts)
+            reply = read_reply(one.label["command"])
+            spoken_of = parse(one.label.get("said", ""), revised=False).query.referent
+            reading = parse(reply.rest or one.label["command"], antecedent=spoken_of, revised=False)
+            cases.append(Case(one.label, prediction, own_act(reply, reading)))
+    return cases
+
+
+def fit_rule(cases: Sequence[Case]) -> Numbers:
+    """Return the weights (3,) of `grounding.dialogue.turns.vote_on_act` that make the right acts likeliest."""
+    logs = as_tensor([[math.log(one.prediction.choices["act"][act] + 1e-4) for act in ACTS] for one in cases])
+    own = as_tensor([[[act == one.own[0] and one.own[1] == i for i in (1, 2)] for act in ACTS] for one in cases])
+    right = as_tensor([[act in (one.label["act"], *one.label["act_alt"]) for act in ACTS] for one in cases])
+
+    def loss(weights: Tensor) -> Tensor:
+        scores = weights[0] * logs + own @ weights[1:]
+        kept = torch.logsumexp(scores - 1e4 * (1 - right), 1) - torch.logsumexp(scores, 1)
+        return -kept.sum() + 0.5 * (weights[1:] ** 2).sum()
+
+    return minimise(loss, np.array([1.0, 1.0, 1.0]))
+
+
+def report(name: str, cases: Sequence[Case], rule: Numbers) -> None:
+    """Print the shares of turns whose act is right, by the grammar, the network and both, and of other fields."""
+    ways: dict[str, list[bool]] = {"grammar": [], "network": [], "both": []}
+    fields: dict[str, list[bool]] = {"shift": [], "relation": [], "vehicle": []}
+    unsure = []
+    for one in cases:
+        shares, right = one.prediction.choices["act"], (one.label["act"], *one.label["act_alt"])
+        votes = vote_on_act(shares, one.own, rule)
+        best = max(votes, key=votes.__getitem__)
+        for way, act in zip(ways, (one.own[0], max(shares, key=shares.__getitem__), best), strict=True):
+            ways[way].append(act in right)
+        unsure.append(votes[best] < 0.5)
+        turn = Turn(best, 1.0, one.prediction)
+        if one.label["act"] == "shift":
+            fields["shift"].append(turn.best("shift") == one.label["shift"])
+        if one.label["act"] == "place" and one.label["relation"]:
+            fields["relation"].append(turn.best("relation") in (one.label["relation"], *one.label["relation_alt"]))
+        if one.label["act"] == "describe" and (wanted := one.label["referent"]):
+            found = turn.described(None) or Referent("", "")
+            alike = (found.colour, {*found.qualifiers}) == (wanted["colour"], {*wanted["qualifiers"]})
+            fields["vehicle"].append(alike)
+    figures = [f"{way} {100 * np.mean(each):.1f} %" for way, each in (ways | fields).items()]
+    print(f"{name}, {len(cases)} turns: act {', '.join(figures)}; unsure {100 * np.mean(unsure):.1f} %", flush=True)
+
+
+def main() -> None:
+    """Train, report and write the weights."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=TURNS_PATH)
+    parser.add_argument("--work", type=Path, default=Path("runs/turns"))
+    parser.add_argument("--folds", type=int, default=3)
+    parser.add_argument("--steps", type=int, default=1500)
+    parser.add_argument("--workers", type=int, default=1)
+    asked = parser.parse_args()
+    turns = read_turns()
+    folds = [[one for one in turns if fold_of(one.speaker, asked.folds) == fold] for fold in range(asked.folds)]
+    variants = Variants([], SEED)
+    drawn = ((one, variants.draw(one.label)) for one in turns for _ in range(VARIANTS))
+    learnt = [*turns, *(Sentence(label, one.speaker, VARIANT_WEIGHT * one.weight) for one, label in drawn if label)]
+    learnt += [*read_whole_commands(), *read_patterns(SEED)]
+    paths = [asked.work / f"{name}.safetensors" for name in ("all", *range(1, asked.folds + 1))]
+    with ProcessPoolExecutor(asked.workers, initializer=torch.set_num_threads, initargs=(1,)) as pool:
+        examples = list(pool.map(turn_example, [one.label for one in learnt], chunksize=100))
+        pairs = [(example, one) for example, one in zip(examples, learnt, strict=True) if example is not None]
+        held: list[set[str]] = [set(), *({one.speaker for one in fold} for fold in folds)]
+        parts = [[pair for pair in pairs if pair[1].speaker not in out] for out in held]
+        inputs = [[[pair[0] for pair in part], [pair[1].weight for pair in part]] for part in parts]
+        list(pool.map(train_once, paths, *zip(*inputs, strict=True), repeat(asked.steps)))
+    networks = [ReaderNetwork(load_file(path), TURN_CHOICES) for path in paths[1:]]
+    cases = [cases_of(network, fold) for network, fold in zip(networks, folds, strict=True)]
+    for fold, own in enumerate(cases, start=1):
+        report(
+            f"held-out speakers, fold {fold}",
+            own,
+            fit_rule([one for other in cases if other is not own for one in other]),
+        )
+    rule = fit_rule([one for own in cases for one in own])
+    report("held-out speakers", [one for own in cases for one in own], rule)
+    print(f"rule {rule}")
+    with whole_file(asked.out) as path:
+        save_file(load_file(paths[0]) | {"rule.act": rule}, path)
+    print(f"{asked.out}: {asked.out.stat().st_size} bytes")
+
+
+if __name__ == "__main__":
+    main()

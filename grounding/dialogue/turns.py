@@ -1,0 +1,185 @@
+"""What a turn of a conversation does: the reader of turns and the grammar vote on its act."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from grounding.dialogue.conversation import Conversation
+from grounding.dialogue.fragments import complete, has_verb, is_understood, read_description
+from grounding.language import Reading, WordCategory
+from grounding.language.reader.fields import FIELDS, NONE
+from grounding.language.reader.network import Numbers, Prediction
+from grounding.language.reader.revision import command_of, field_value
+from grounding.language.reader.turns import State, default_turn_reader
+from grounding.language.replies import SHIFTS, Reply, named_distance
+from grounding.language.syntax.tokenizer import Token, normalise, tokenise
+from grounding.query import Query, Referent
+from grounding.vocabulary import ShiftDirection
+
+# Least probability of an act that is taken, and of a qualifier.
+_SURE, _LEAST_QUALIFIER = 0.5, 0.5
+_LEAST = 1e-4
+# Least probability of a reply where the grammar finds a command.
+_SURE_AGAINST = 0.75
+# Least probability at which a command that only the network understands is acted upon.
+_SURE_COMMAND = 0.8
+# Most words of a turn that the grammar understands and is believed about.
+_SHORT = 6
+_ORDINALS = {"first": 1, "second": 2, "third": 3, "fourth": 4, "last": -1}
+# Kinds of the patterns of replies that have another name as acts.
+ACTS_OF_KINDS = {"thanks": "remark", "former": "number", "latter": "number"} | dict.fromkeys(SHIFTS, "shift")
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A turn as the reader of turns sees it.
+
+    Attributes:
+        act: what it does, one of `ACTS`.
+        sure: probability of the act after the vote.
+        prediction: probabilities of its fields.
+        number: number or ordinal that it names, -1 for the last; None without one.
+        distance_m: distance that it names; None without one.
+    """
+
+    act: str
+    sure: float
+    prediction: Prediction
+    number: int | None = None
+    distance_m: float | None = None
+
+    def best(self, field: str) -> str:
+        """Return the likeliest value of a field."""
+        values = self.prediction.choices[field]
+        return max(values, key=values.__getitem__)
+
+    @property
+    def shift(self) -> ShiftDirection:
+        """The likeliest direction of a shift."""
+        best = self.best("shift")
+        return next(one for one in SHIFTS if one == best)
+
+    def described(self, antecedent: Referent | None) -> Referent | None:
+        """Return the vehicle that it describes, where it names none like the antecedent; None for no description."""
+        noun, colour = self.best("noun"), self.best("colour")
+        qualifiers = tuple(one for one, share in self.prediction.qualifiers.items() if share > _LEAST_QUALIFIER)
+        if noun == colour == NONE and not qualifiers:
+            return None
+        named = None if colour == NONE else colour
+        if noun != NONE:
+            return Referent(noun, self.prediction.head or noun, named, qualifiers)
+        like = antecedent or Referent("vehicle", "one")
+        return Referent(like.noun, like.head, named, qualifiers, anaphora=True)
+
+    def as_command(self, reading: Reading) -> Reading:
+        """Return the reading of a command, with that of the network where it has none; what both say is no doubt."""
+        own = command_of(reading.query.command, self.prediction)
+        if reading.problem and self.sure >= _SURE_COMMAND:
+            return replace(reading, query=own, steps=(own,), problem=None)
+        qualifiers = [{*one.referent.qualifiers} if one.referent else set() for one in (own, reading.query)]
+        alike = all(field_value(own, field) == field_value(reading.query, field) for field in FIELDS)
+        return replace(reading, doubt="") if reading.revised and alike and qualifiers[0] == qualifiers[1] else reading
+
+    def placed(self, text: str) -> Query | None:
+        """Return the partial query of the place that it names: relation, side, distance; None for none."""
+        relation, side = self.best("relation"), self.best("goal_side")
+        if relation == side == NONE and self.distance_m is None:
+            return None
+        slots: dict[str, Any] = {"goal_side": None if side == NONE else side}
+        if relation != NONE:
+            slots |= {"relation": relation, "landmark": "referent"}
+        if self.distance_m is not None:
+            slots |= {"distance_m": self.distance_m, "distance_of": "referent"}
+        return Query(text, **slots)
+
+
+def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
+    """Read a turn; None where the grammar is to read it: it understands all of it, or the network is not sure.
+
+    Args:
+        talk: the conversation.
+        text: the turn.
+        reply: the turn as the patterns of replies split it.
+    """
+    reading = talk.read(reply.rest or text)
+    if (reply.kinds and not reply.rest) or reply.leading_shift or _is_plain(talk, reply, reading):
+        return None
+    reader = default_turn_reader()
+    tokens = tokenise(normalise(text), talk.grounder.lexicon)
+    prediction = reader.read(tokens, state_of(talk), reply)
+    if prediction is None:
+        return None
+    scores = vote_on_act(prediction.choices["act"], own_act(reply, reading), reader.rule["act"])
+    act = max(scores, key=scores.__getitem__)
+    doubted = has_verb(reading) and not reading.problem and act not in ("command", "then")
+    if scores[act] < (_SURE_AGAINST if doubted else _SURE):
+        return None
+    distance_m = named_distance(text, talk.grounder.lexicon)
+    return Turn(act, scores[act], prediction, reply.number or _number(tokens), distance_m)
+
+
+def _is_plain(talk: Conversation, reply: Reply, reading: Reading) -> bool:
+    """Return whether the grammar understands every word of a short turn."""
+    if reply.number is not None or len(reading.tokens) > _SHORT or not reply.rest:
+        return reply.number is not None
+    if has_verb(reading):
+        return is_understood(reading)
+    base, about, read = talk.state.request, talk.antecedent, talk.grounder.read
+    described = read_description(reply.rest, about, read, whole=True)
+    return base is not None and bool(described or complete(reply.rest, base.query, about, read, whole=True))
+
+
+def state_of(talk: Conversation) -> State:
+    """Return where a conversation stands."""
+    question = talk.state.question
+    if question is not None:
+        return "which" if len(question.alternatives or question.candidates) > 1 else "offer"
+    return "goal" if talk.state.goal is not None else "lost"
+
+
+def own_act(reply: Reply, reading: Reading) -> tuple[str, int]:
+    """Return the act of a turn by the grammar, '' if it is not certain, and the index of its vote in the rule."""
+    if reply.number is not None:
+        return "number", 1
+    if reply.kinds and not reply.rest:
+        return own_kind(reply), 1
+    if reply.rest and has_verb(reading) and is_understood(reading):
+        return ("then" if "then" in reply.kinds else "command"), 2
+    return "", 1
+
+
+def own_kind(reply: Reply) -> str:
+    """Return the act of a reply whose patterns cover all words."""
+    return ACTS_OF_KINDS.get(reply.kinds[-1], reply.kinds[-1])
+
+
+def vote_on_act(shares: Mapping[str, float], own: tuple[str, int], weights: Numbers) -> dict[str, float]:
+    """Return act -> probability after the vote.
+
+    Args:
+        shares: the network's probabilities.
+        own: act of the grammar, as `own_act` returns it.
+        weights: (3,) of the network's log probability, of a reply that covers all words, of a plain command.
+    """
+    act, vote = own
+    scores = {
+        name: float(weights[0]) * math.log(share + _LEAST) + (float(weights[vote]) if name == act else 0.0)
+        for name, share in shares.items()
+    }
+    top = max(scores.values())
+    total = sum(math.exp(one - top) for one in scores.values())
+    return {name: math.exp(one - top) / total for name, one in scores.items()}
+
+
+def _number(tokens: Sequence[Token]) -> int | None:
+    """Return the only number or ordinal among some words; None without one."""
+    named = [token for token in tokens if token.category in (WordCategory.NUMBER, WordCategory.ORDINAL)]
+    if len(named) != 1:
+        return None
+    if named[0].category is WordCategory.ORDINAL:
+        return _ORDINALS.get(named[0].value)
+    value = float(named[0].value)
+    return int(value) if value.is_integer() else None

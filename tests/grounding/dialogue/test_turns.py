@@ -1,0 +1,65 @@
+"""Turns that the network and the grammar read together."""
+
+import numpy as np
+import pytest
+from street import BLUE, RED, WHITE, Street
+
+from grounding.dialogue.session import Session
+from grounding.dialogue.turns import own_act, vote_on_act
+from grounding.language import parse
+from grounding.language.replies import read_reply
+
+
+def two_whites() -> Session:
+    street = Street().car("right", 14, -5, WHITE).car("left", 15, 5, WHITE, yaw_rad=np.pi).car("red", 26, -5, RED)
+    session: Session = street.grounder().session()
+    assert session.say("stop next to the white car").status == "ambiguous"
+    return session
+
+
+def row() -> Session:
+    session: Session = Street().car("near", 12, -5, RED).car("blue", 28, -5, BLUE).grounder().session()
+    assert session.say("park behind the red car").status == "ok"
+    return session
+
+
+def test_an_act_is_voted_on() -> None:
+    shares = {"yes": 0.6, "cancel": 0.4}
+    assert vote_on_act(shares, ("", 1), np.array([1.0, 2.0, 0.0]))["yes"] == pytest.approx(0.6, abs=0.01)
+    assert vote_on_act(shares, ("cancel", 1), np.array([1.0, 2.0, 0.0]))["cancel"] > 0.8
+    assert vote_on_act(shares, ("cancel", 2), np.array([1.0, 2.0, 0.0]))["cancel"] == pytest.approx(0.4, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("text", "act"), [("2", "number"), ("a bit closer", "shift"), ("thanks", "remark"), ("the red one", "")]
+)
+def test_the_grammar_knows_the_act_of_a_pattern(text: str, act: str) -> None:
+    assert own_act(read_reply(text), parse(text, revised=False))[0] == act
+
+
+def test_a_description_among_reasons_is_another_vehicle() -> None:
+    session = row()
+    answer = session.say("My knees aren't what they were though, so the blue one, if that's closer")
+    assert answer.status == "ok", answer.text()
+    assert answer.referent is not None
+    assert answer.referent.item.id == "blue"
+
+
+def test_a_reply_holds_before_a_reason_that_is_not_understood() -> None:
+    session = row()
+    assert session.say("Cancel. I'm taking a call first.").status == "ok"
+    assert session.goal is None
+
+
+def test_a_question_stays_open_if_what_is_described_is_not_there() -> None:
+    session = two_whites()
+    asked = session.question
+    assert session.say("the one with the flowery curtains that my aunt would have loved").status != "ok"
+    assert session.question == asked
+    assert session.say("the one on the left").status == "ok"
+
+
+def test_what_was_refused_is_not_asked_for_again() -> None:
+    session: Session = Street().car("near", 12, -5, RED).car("blue", 28, -5, BLUE).grounder().session()
+    assert session.say("ram the red car").plan.refused
+    assert not session.say("behind the blue car").plan.refused
