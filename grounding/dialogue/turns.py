@@ -114,7 +114,8 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
         return None
     scores = vote_on_act(prediction.choices["act"], own_act(reply, reading), reader.rule["act"])
     act = max(scores, key=scores.__getitem__)
-    doubted = has_verb(reading) and not reading.problem and act not in ("command", "then")
+    finds = is_understood(reading) if act == "describe" else not reading.problem
+    doubted = has_verb(reading) and finds and act not in ("command", "then")
     if scores[act] < (_SURE_AGAINST if doubted else _SURE):
         return None
     distance_m = named_distance(text, talk.grounder.lexicon)

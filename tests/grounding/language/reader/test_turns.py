@@ -60,8 +60,7 @@ def test_the_network_of_turns_begins_with_that_of_commands() -> None:
 def test_labelled_turns_become_examples() -> None:
     turns = read_turns()
     assert {one.label["act"] for one in turns} == set(ACTS)
-    by_act = {one.label["act"]: turn_example(one.label) for one in turns}
-    shift = by_act["shift"]
+    shift = turn_example(next(one.label for one in turns if one.label["act"] == "shift"))
     assert shift is not None
     assert ACTS.index("shift") in shift.right["act"]
     assert shift.right["shift"]

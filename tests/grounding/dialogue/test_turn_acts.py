@@ -39,7 +39,7 @@ def test_the_grammar_knows_the_act_of_a_pattern(text: str, act: str) -> None:
 
 def test_a_description_among_reasons_is_another_vehicle() -> None:
     session = row()
-    answer = session.say("My knees aren't what they were though, so the blue one, if that's closer")
+    answer = session.say("sorry love, wrong one, it's the blue one my daughter is sitting in")
     assert answer.status == "ok", answer.text()
     assert answer.referent is not None
     assert answer.referent.item.id == "blue"
