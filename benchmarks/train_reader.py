@@ -1,6 +1,6 @@
 """Train the reader network and the rule by which it revises the grammar, from the project's own sentences.
 
-python -m benchmarks.train_reader [--out FILE] [--work FOLDER] [--folds 3] [--steps 3500] [--workers 1]
+python -m benchmarks.train_reader [--out FILE] [--work FOLDER] [--folds 3] [--steps 4500] [--workers 1]
 
 The speakers are divided into folds; the sentences of each fold are read by a network that saw none of its speakers:
 these are the figures that are printed, and the readings on which the rule is fitted. Then the network is trained on
@@ -143,7 +143,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=WEIGHTS_PATH)
     parser.add_argument("--work", type=Path, default=Path("runs/reader"))
     parser.add_argument("--folds", type=int, default=3)
-    parser.add_argument("--steps", type=int, default=3500)
+    parser.add_argument("--steps", type=int, default=4500)
     parser.add_argument("--workers", type=int, default=1)
     asked = parser.parse_args()
     sentences = read_sentences()

@@ -50,10 +50,10 @@ def read_sentences() -> list[Sentence]:
     found = [Sentence(one, f"stranger {one['source']}", 2.0) for one in read_labelled_commands(STRANGERS)]
     for name in ("seen", "unread", "later", "latest_seen"):
         labels = read_labelled_commands(_SPEAKERS / f"sentences_{name}.jsonl")
-        found += [Sentence(one, f"earlier {one['source']}", 1.5) for one in labels]
-    found += [Sentence(one, "own", 0.8) for one in read_labelled_commands(_TESTS / "commands.jsonl")]
+        found += [Sentence(one, f"earlier {one['source']}", 2.5) for one in labels]
+    found += [Sentence(one, "own", 1.6) for one in read_labelled_commands(_TESTS / "commands.jsonl")]
     everyday = filter(None, (_TESTS / "everyday.txt").read_text(encoding="utf-8").splitlines())
-    return found + [Sentence(rejected(text), "everyday", 0.8) for text in everyday]
+    return found + [Sentence(rejected(text), "everyday", 1.6) for text in everyday]
 
 
 def rejected(text: str) -> dict[str, Any]:

@@ -33,7 +33,7 @@ class TurnReader:
 
     Attributes:
         network: the network.
-        rule: "act": what the act of a reply that covers all words gains, one each for a long and a short reply.
+        rule: "act": (3,) weights as `grounding.dialogue.turns.vote_on_act` takes them.
     """
 
     network: ReaderNetwork
