@@ -208,9 +208,9 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     """Answer a turn by what its reader takes it for; None where the grammar is to answer."""
     act, state = turn.act, talk.state
     if act in ("seek", "count", "about") and (named := described_by(turn, talk.antecedent)):
-        asked = reply.rest or text
         if act == "about" and turn.best("noun") == NONE:
             return tell_vehicle(talk, text)
+        asked = "" if act == "about" else reply.rest or text  # "what colour is the van" describes none by itself
         return (count if act == "count" else look_for)(talk, text, asked, named)
     if talk.is_opening:
         return tell_seen(talk, text) if act == "seen" else None
@@ -250,6 +250,8 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
         return act(talk, text) if act else _command(talk, text, text, turn=turn)
     if reply.kinds[-1:] == ("why",):
         return tell_reasons(talk, text)
+    if reply.kinds[-1:] == ("any",) and text.rstrip().endswith("?"):
+        return look_for(talk, text, reply.rest)
     if about := _ABOUT_WORDS.get(reply.kinds[-1] if reply.kinds else ""):
         return about(talk, text, reply.rest)
     reading = talk.read(reply.rest)

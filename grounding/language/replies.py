@@ -47,6 +47,8 @@ _LEADING = (
     ),
     *("count", "aside", "without", "any"),
 )
+# Kinds that ask about what follows.
+_ASKING = ("seek", "count", "room")
 # Kinds that are replies only where a comma and further words follow.
 _BEFORE_COMMA = ("aside",)
 # Preposition before the vehicle that a shift names: "closer to the van". It begins the rest of the reply.
@@ -151,6 +153,8 @@ def _split(words: tuple[str, ...], lexicon: Lexicon) -> tuple[tuple[str, ...], t
         if not kind or not (whole or to_vehicle or second_thought or kind in _LEADING):
             break
         kinds.append(kind)
+        if kind in _ASKING and not whole:
+            return tuple(kinds), _without_tail(words[after:])  # "is there any van?" is no "any"
         if to_vehicle:
             return tuple(kinds), _without_tail(words[end - 1 :])
         start = len(words) if whole else after

@@ -1,5 +1,7 @@
 """Turns that the network and the grammar read together."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from street import BLUE, RED, WHITE, Street
@@ -63,3 +65,15 @@ def test_what_was_refused_is_not_asked_for_again() -> None:
     session: Session = Street().car("near", 12, -5, RED).car("blue", 28, -5, BLUE).grounder().session()
     assert session.say("ram the red car").plan.refused
     assert not session.say("behind the blue car").plan.refused
+
+
+@pytest.mark.parametrize("make", [two_whites, row])
+@pytest.mark.parametrize(
+    "question",
+    ["is there any red car around?", "are there any cars here", "any trucks about?", "what colour is the car?"],
+)
+def test_a_question_sets_no_goal(make: Callable[[], Session], question: str) -> None:
+    session = make()
+    before = session.goal
+    assert session.say(question).status in ("ok", "ambiguous")
+    assert session.goal is before
