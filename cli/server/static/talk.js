@@ -140,6 +140,10 @@ const STATUS = { not_found: "Not found", not_a_command: "Not understood" };
 
 function answerOf(turn, last) {
   const parts = [];
+  const reasons = make("ul", {}, ...turn.reasons.map((reason) => make("li", {}, reason)));
+  // An answer in words comes before the question that stays open.
+  const inWords = turn.status === "ok" && !turn.goal && turn.reasons.length > 0;
+  if (inWords) parts.push(reasons);
   if (turn.question) parts.push(make("p", { className: "question" }, capital(turn.question)));
   else if (turn.status in STATUS) {
     const noPlace = turn.status === "not_found" && turn.referent;
@@ -152,10 +156,9 @@ function answerOf(turn, last) {
     parts.push(make("p", { className: "goal", title: `cell ${cell.join(", ")}` }, `Goal ${place(x, y)}${words}`));
   }
   if (turn.steps.length) parts.push(make("ol", {}, ...turn.steps.map((step) => make("li", {}, step))));
-  if (turn.reasons.length) {
-    const list = make("ul", {}, ...turn.reasons.map((reason) => make("li", {}, reason)));
+  if (turn.reasons.length && !inWords) {
     const bare = !parts.length || last || turn.reasons.length === 1;
-    parts.push(bare ? list : make("details", {}, make("summary", {}, "why"), list));
+    parts.push(bare ? reasons : make("details", {}, make("summary", {}, "why"), reasons));
   }
   if (turn.dropped.length) parts.push(make("p", { className: "dropped" }, `Not used: ${turn.dropped.join(", ")}`));
   if (!parts.length) parts.push(make("p", {}, "Done."));
