@@ -146,15 +146,10 @@ def own_act(reply: Reply, reading: Reading) -> tuple[str, int]:
     if reply.number is not None:
         return "number", 1
     if reply.kinds and not reply.rest:
-        return own_kind(reply), 1
+        return ACTS_OF_KINDS.get(reply.kinds[-1], reply.kinds[-1]), 1
     if reply.rest and has_verb(reading) and is_understood(reading):
         return ("then" if "then" in reply.kinds else "command"), 2
     return "", 1
-
-
-def own_kind(reply: Reply) -> str:
-    """Return the act of a reply whose patterns cover all words."""
-    return ACTS_OF_KINDS.get(reply.kinds[-1], reply.kinds[-1])
 
 
 def vote_on_act(shares: Mapping[str, float], own: tuple[str, int], weights: Numbers) -> dict[str, float]:

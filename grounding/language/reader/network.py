@@ -12,7 +12,6 @@ import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -53,9 +52,7 @@ class Prediction:
 class ReaderNetwork:
     """The network with its weights; `predict` takes about a millisecond."""
 
-    def __init__(
-        self, weights: Mapping[str, Numbers], choices: Mapping[str, tuple[str, ...]] = MappingProxyType(CHOICES)
-    ) -> None:
+    def __init__(self, weights: Mapping[str, Numbers], choices: Mapping[str, tuple[str, ...]] = CHOICES) -> None:
         """Take the weights by name, those of `benchmarks.reader.network.export_weights`, and the fields' values."""
         self.choices = choices
         self.weights = {name: array.astype(np.float32) for name, array in weights.items()}

@@ -1,4 +1,4 @@
-"""Turns: what a passenger's next words in a conversation do, by a network that knows where the conversation stands.
+"""Dialogue acts of turns in a conversation, classified by a network from the words and the state of the dialogue.
 
 The network is that of whole commands with other fields (`TURN_CHOICES`). Before the words it reads one more token:
 the state of the conversation, and how the patterns of replies split the turn. `python -m benchmarks.train_turns`
