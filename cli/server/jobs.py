@@ -5,11 +5,11 @@ from __future__ import annotations
 import multiprocessing
 import time
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from threading import Lock, Thread
+from threading import Event, Lock, Thread
 from typing import Any
 
 from appocc.errors import AppoccError, NotFoundError
@@ -40,6 +40,7 @@ class Job:
         total: all steps; 0 while unknown.
         note: what it does at the moment, or why it failed.
         ended_s: time of its end; None while it runs.
+        ended: set when its process has ended.
     """
 
     number: int
@@ -54,6 +55,7 @@ class Job:
     total: float = 0.0
     note: str = "starting"
     ended_s: float | None = None
+    ended: Event = field(default_factory=Event)
 
     def as_json(self) -> dict[str, Any]:
         """Return what the page shows."""
@@ -114,10 +116,9 @@ class Jobs:
         for job in self.listed():
             self.stop(job.number)
         for job in self.listed():
-            job.process.join(_GRACE_S)
-            if job.process.is_alive():
+            if not job.ended.wait(_GRACE_S):
                 job.process.kill()
-                job.process.join()
+                job.ended.wait()
 
 
 def _listen(job: Job, connection: Connection) -> None:
@@ -135,7 +136,9 @@ def _listen(job: Job, connection: Connection) -> None:
                 job.note = value
             else:
                 job.state, job.note = ("done", "") if what == "done" else ("failed", str(value))
+    # Only here: of two threads that join one process, the second may take it for alive.
     job.process.join()
     if job.state == "running":
         job.state, job.note = "failed", "the process was killed (out of memory?)"
     job.ended_s = time.monotonic()
+    job.ended.set()
