@@ -11,6 +11,7 @@ from typing import BinaryIO
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 from appocc.checks import ByteArray
@@ -79,6 +80,25 @@ def decoded_image(path: PathLike, data: bytes, size_px: tuple[int, int] | None =
         expected = f"{size_px[0]}x{size_px[1]}"
         raise DataError(f"{path}: expected {expected} pixels, as its table says, got {width}x{height}")
     return image
+
+
+def decoded_labels(path: PathLike, data: bytes) -> NDArray[np.uint16]:
+    """Decode the bytes of a grey PNG of 16 bits as (H, W) uint16 labels; `path` names it in messages.
+
+    Raises:
+        DataError: if it is truncated, damaged or another image.
+    """
+    if not _is_picture(data):
+        raise DataError(f"{path}: not a readable image ({len(data)} bytes), expected a PNG")
+    try:
+        with _pillow(io.BytesIO(data)) as picture:
+            if picture.format != "PNG" or not picture.mode.startswith("I"):
+                raise DataError(
+                    f"{path}: expected a grey PNG of 16 bits, got {picture.format} of mode {picture.mode}"
+                )
+            return np.asarray(picture).astype(np.uint16)
+    except (OSError, SyntaxError, ValueError) as error:
+        raise DataError(f"{path}: damaged PNG ({error})") from error
 
 
 def read_picture_bytes(path: PathLike) -> bytes:

@@ -31,7 +31,7 @@ def test_bad_files_and_shapes_are_refused(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="cannot be read"):
         load_view_targets(tmp_path / "none.npz")
     (tmp_path / "bad.npz").write_bytes(b"no zip")
-    with pytest.raises(DataError, match="damaged depth file"):
+    with pytest.raises(DataError, match="damaged depth and classes"):
         load_view_targets(tmp_path / "bad.npz")
     with pytest.raises(ShapeError, match="kind"):
         ViewTargets(np.zeros((2, 2), np.float16), np.zeros((2, 3), np.uint8))

@@ -18,6 +18,7 @@ from appocc.importers.waymo.roads import Roads
 from appocc.importers.waymo.segment import (
     Label,
     Laser,
+    PanopticLabel,
     Picture,
     RangeImage,
     WaymoCamera,
@@ -42,6 +43,7 @@ _BEAMS = tuple(f"[LiDARCalibrationComponent].beam_inclination.{name}" for name i
 _BEAM_VALUES = "[LiDARCalibrationComponent].beam_inclination.values"
 _IMAGE = "[CameraImageComponent].image"
 _IMAGE_POSE = ("[CameraImageComponent].pose.transform", "[CameraImageComponent].pose_timestamp")
+_PANOPTIC = tuple(f"[CameraSegmentationLabelComponent].panoptic_label{part}" for part in ("", "_divisor"))
 _RETURNS = ("[LiDARComponent].range_image_return1", "[LiDARComponent].range_image_return2")
 _PIXEL_POSES = "[LiDARPoseComponent].range_image_return1"
 _BOX = tuple(
@@ -55,6 +57,7 @@ _SPEED = ("[LiDARBoxComponent].speed.x", "[LiDARBoxComponent].speed.y")
 _STATS = tuple(f"[StatsComponent].{name}" for name in ("location", "time_of_day", "weather"))
 _LACKS = {
     "camera_image": "no pictures",
+    "camera_segmentation": "no pixel classes",
     "lidar": "no LiDAR",
     "lidar_pose": "points of the upper LiDAR are not compensated for the motion during a sweep",
     "lidar_box": "no boxes",
@@ -174,6 +177,11 @@ class ComponentSegment:
         return read_parquet(self._path("camera_image"), (_TIME, _CAMERA, *_IMAGE_POSE))
 
     @cached_property
+    def _panoptic_labels(self) -> Columns:
+        """Times, cameras and divisors of the panoptic labels, few rows: most pictures have none."""
+        return read_parquet(self._path("camera_segmentation"), (_TIME, _CAMERA), _PANOPTIC[1:])
+
+    @cached_property
     def _keys(self) -> dict[str, Columns]:
         """Times and names of the rows of the LiDARs' components."""
         names = [name for name in ("lidar", "lidar_pose") if self._has(name)]
@@ -181,7 +189,7 @@ class ComponentSegment:
 
     def _frame(self, index: int, rows: Mapping[str, Rows]) -> WaymoFrame:
         time_us, pose = int(self._poses[0][index]), self._poses[1][index]
-        pictures = self._pictures(time_us, rows["camera_image"]) if "camera_image" in rows else ()
+        pictures = self._pictures(time_us, rows) if "camera_image" in rows else ()
         swept = "lidar" in rows and (self._keys["lidar"][_TIME] == time_us).any()
         return WaymoFrame(
             time_us=time_us,
@@ -193,7 +201,7 @@ class ComponentSegment:
             returns=partial(self._range_images, time_us, rows) if swept else None,
         )
 
-    def _pictures(self, time_us: int, rows: Rows) -> tuple[Picture, ...]:
+    def _pictures(self, time_us: int, rows: Mapping[str, Rows]) -> tuple[Picture, ...]:
         path, table = self._path("camera_image"), self._images
         pose, moment = _IMAGE_POSE
         return tuple(
@@ -201,10 +209,20 @@ class ComponentSegment:
                 camera=int(table[_CAMERA][row]),
                 time_us=microseconds(path, "pose_timestamp", float(table[moment][row])),
                 world_from_ego=pose_of(path, "pose", table[pose][row]),
-                read=partial(_bytes, rows, row),
+                read=partial(rows["camera_image"].bytes, row, _IMAGE),
+                panoptic=partial(self._panoptic, time_us, int(table[_CAMERA][row]), rows.get("camera_segmentation")),
             )
             for row in np.flatnonzero(table[_TIME] == time_us).tolist()
         )
+
+    def _panoptic(self, time_us: int, camera: int, rows: Rows | None) -> PanopticLabel:
+        if rows is None:
+            return PanopticLabel(b"", 0)
+        table, (label, divisor) = self._panoptic_labels, _PANOPTIC
+        found = np.flatnonzero((table[_TIME] == time_us) & (table[_CAMERA] == camera)).tolist()
+        if not found:
+            return PanopticLabel(b"", 0)
+        return PanopticLabel(rows.bytes(found[0], label), int(np.nan_to_num(table[divisor][found[0]])))
 
     def _range_images(self, time_us: int, rows: Mapping[str, Rows]) -> list[RangeImage]:
         poses = {}
@@ -243,10 +261,7 @@ class ComponentSegment:
 # Components whose rows are too large to be in memory together.
 _STREAMS = {
     "camera_image": (_IMAGE,),
+    "camera_segmentation": _PANOPTIC,
     "lidar": tuple(f"{name}.{part}" for name in _RETURNS for part in ("values", "shape")),
     "lidar_pose": tuple(f"{_PIXEL_POSES}.{part}" for part in ("values", "shape")),
 }
-
-
-def _bytes(rows: Rows, row: int) -> bytes:
-    return rows.bytes(row, _IMAGE)
