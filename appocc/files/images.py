@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import cv2
 import numpy as np
@@ -66,10 +66,7 @@ def decoded_image(path: PathLike, data: bytes, size_px: tuple[int, int] | None =
         DataError: if it is truncated or not an image, or has another size.
     """
     _check_end(path, data)
-    try:
-        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB) if _is_picture(data) else None
-    except cv2.error:
-        decoded = None
+    decoded = _decoded(data, cv2.IMREAD_COLOR_RGB)
     if decoded is None:
         raise DataError(f"{path}: not a readable image ({len(data)} bytes), expected JPEG or PNG")
     image: ByteArray = np.asarray(decoded, dtype=np.uint8)
@@ -88,17 +85,20 @@ def decoded_labels(path: PathLike, data: bytes) -> NDArray[np.uint16]:
     Raises:
         DataError: if it is truncated, damaged or another image.
     """
-    if not _is_picture(data):
-        raise DataError(f"{path}: not a readable image ({len(data)} bytes), expected a PNG")
+    decoded = _decoded(data, cv2.IMREAD_UNCHANGED)
+    if decoded is None:
+        raise DataError(f"{path}: not a readable image ({len(data)} bytes), expected PNG")
+    if decoded.dtype != np.uint16 or decoded.ndim != 2:
+        raise DataError(f"{path}: expected a grey image of 16 bits, got {decoded.dtype} of shape {decoded.shape}")
+    return decoded
+
+
+def _decoded(data: bytes, flags: int) -> NDArray[Any] | None:
+    """Return the pixels of an image in a supported format as OpenCV's `flags` ask; None if it is damaged."""
     try:
-        with _pillow(io.BytesIO(data)) as picture:
-            if picture.format != "PNG" or not picture.mode.startswith("I"):
-                raise DataError(
-                    f"{path}: expected a grey PNG of 16 bits, got {picture.format} of mode {picture.mode}"
-                )
-            return np.asarray(picture).astype(np.uint16)
-    except (OSError, SyntaxError, ValueError) as error:
-        raise DataError(f"{path}: damaged PNG ({error})") from error
+        return cv2.imdecode(np.frombuffer(data, np.uint8), flags) if _is_picture(data) else None
+    except cv2.error:
+        return None
 
 
 def read_picture_bytes(path: PathLike) -> bytes:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from typing import Any
 
@@ -75,9 +75,8 @@ def prepare_training(config: Config, processes: ProcessGroup, monitor: TrainingM
     else:
         val_data = [_packed_dataset(config.data.val, config, processes, monitor)]
     check_classes(train_data, config)
-    if processes.is_main and config.losses.kind and not has_pixel_classes(train_data):
-        roots = ", ".join(config.data.train_roots)
-        monitor.on_message(f"losses.kind: no image of {roots} has pixel classes (views/): no loss from them")
+    if processes.is_main:
+        tell_missing_classes(train_data, config, monitor.on_message)
     batch, seed, clip = config.train.batch, config.train.seed, config.data.clip
     rank, size = processes.rank, processes.size
     train_loader = BatchLoader(train_data, batch, seed, _augmentation(config.augment), rank, size, clip)
@@ -119,10 +118,12 @@ def check_classes(packed: Sequence[PackedDataset], config: Config) -> None:
     )
 
 
-def has_pixel_classes(packed: Sequence[PackedDataset]) -> bool:
-    """Return whether any pixel of the training images has a class."""
+def tell_missing_classes(packed: Sequence[PackedDataset], config: Config, on_message: Callable[[str], None]) -> None:
+    """Tell in a message if `losses.kind` asks for pixel classes and no training image has any."""
     samples = (each.sample(number) for each in packed for number in range(len(each)))
-    return any(bool((sample.kind[sample.alive] != UNKNOWN_KIND).any()) for sample in samples)
+    if config.losses.kind and not any((sample.kind[sample.alive] != UNKNOWN_KIND).any() for sample in samples):
+        roots = ", ".join(config.data.train_roots)
+        on_message(f"losses.kind: no training image of {roots} has pixel classes (views/): it teaches nothing")
 
 
 def _packed_dataset(root: str, config: Config, processes: ProcessGroup, monitor: TrainingMonitor) -> PackedDataset:

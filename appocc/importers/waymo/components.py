@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -24,6 +24,7 @@ from appocc.importers.waymo.segment import (
     WaymoCamera,
     WaymoFrame,
     microseconds,
+    no_label,
     pose_of,
 )
 
@@ -43,7 +44,8 @@ _BEAMS = tuple(f"[LiDARCalibrationComponent].beam_inclination.{name}" for name i
 _BEAM_VALUES = "[LiDARCalibrationComponent].beam_inclination.values"
 _IMAGE = "[CameraImageComponent].image"
 _IMAGE_POSE = ("[CameraImageComponent].pose.transform", "[CameraImageComponent].pose_timestamp")
-_PANOPTIC = tuple(f"[CameraSegmentationLabelComponent].panoptic_label{part}" for part in ("", "_divisor"))
+_PANOPTIC = "[CameraSegmentationLabelComponent].panoptic_label"
+_DIVISOR = f"{_PANOPTIC}_divisor"
 _RETURNS = ("[LiDARComponent].range_image_return1", "[LiDARComponent].range_image_return2")
 _PIXEL_POSES = "[LiDARPoseComponent].range_image_return1"
 _BOX = tuple(
@@ -179,7 +181,7 @@ class ComponentSegment:
     @cached_property
     def _panoptic_labels(self) -> Columns:
         """Times, cameras and divisors of the panoptic labels, few rows: most pictures have none."""
-        return read_parquet(self._path("camera_segmentation"), (_TIME, _CAMERA), _PANOPTIC[1:])
+        return read_parquet(self._path("camera_segmentation"), (_TIME, _CAMERA), (_DIVISOR,))
 
     @cached_property
     def _keys(self) -> dict[str, Columns]:
@@ -203,6 +205,7 @@ class ComponentSegment:
 
     def _pictures(self, time_us: int, rows: Mapping[str, Rows]) -> tuple[Picture, ...]:
         path, table = self._path("camera_image"), self._images
+        labels = self._panoptics(time_us, rows.get("camera_segmentation"))
         pose, moment = _IMAGE_POSE
         return tuple(
             Picture(
@@ -210,19 +213,20 @@ class ComponentSegment:
                 time_us=microseconds(path, "pose_timestamp", float(table[moment][row])),
                 world_from_ego=pose_of(path, "pose", table[pose][row]),
                 read=partial(rows["camera_image"].bytes, row, _IMAGE),
-                panoptic=partial(self._panoptic, time_us, int(table[_CAMERA][row]), rows.get("camera_segmentation")),
+                panoptic=labels.get(int(table[_CAMERA][row]), no_label),
             )
             for row in np.flatnonzero(table[_TIME] == time_us).tolist()
         )
 
-    def _panoptic(self, time_us: int, camera: int, rows: Rows | None) -> PanopticLabel:
+    def _panoptics(self, time_us: int, rows: Rows | None) -> dict[int, Callable[[], PanopticLabel]]:
+        """Return what reads the panoptic labels of a frame, by camera."""
         if rows is None:
-            return PanopticLabel(b"", 0)
-        table, (label, divisor) = self._panoptic_labels, _PANOPTIC
-        found = np.flatnonzero((table[_TIME] == time_us) & (table[_CAMERA] == camera)).tolist()
-        if not found:
-            return PanopticLabel(b"", 0)
-        return PanopticLabel(rows.bytes(found[0], label), int(np.nan_to_num(table[divisor][found[0]])))
+            return {}
+        table, divisors = self._panoptic_labels, self._panoptic_labels[_DIVISOR]
+        return {
+            int(table[_CAMERA][row]): partial(_panoptic, rows, row, int(np.nan_to_num(divisors[row])))
+            for row in np.flatnonzero(table[_TIME] == time_us).tolist()
+        }
 
     def _range_images(self, time_us: int, rows: Mapping[str, Rows]) -> list[RangeImage]:
         poses = {}
@@ -261,7 +265,11 @@ class ComponentSegment:
 # Components whose rows are too large to be in memory together.
 _STREAMS = {
     "camera_image": (_IMAGE,),
-    "camera_segmentation": _PANOPTIC,
+    "camera_segmentation": (_PANOPTIC, _DIVISOR),
     "lidar": tuple(f"{name}.{part}" for name in _RETURNS for part in ("values", "shape")),
     "lidar_pose": tuple(f"{_PIXEL_POSES}.{part}" for part in ("values", "shape")),
 }
+
+
+def _panoptic(rows: Rows, row: int, divisor: int) -> PanopticLabel:
+    return PanopticLabel(rows.bytes(row, _PANOPTIC), divisor)

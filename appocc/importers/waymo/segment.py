@@ -74,6 +74,11 @@ class PanopticLabel(NamedTuple):
     divisor: int
 
 
+def no_label() -> PanopticLabel:
+    """Return the panoptic label of a picture that has none."""
+    return PanopticLabel(b"", 0)
+
+
 @dataclass(frozen=True, eq=False)
 class Picture:
     """A picture of a camera.
