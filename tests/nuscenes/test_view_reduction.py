@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from appocc.nuscenes.view_reduction import reduce_view
+from appocc.nuscenes.view_reduction import reduce_classes, reduce_view
 
 
 def test_a_block_takes_its_commonest_class_and_that_class_s_median_depth() -> None:
@@ -29,3 +29,12 @@ def test_blocks_at_the_edge_are_cut() -> None:
     assert view.depth_m.shape == (2, 2)
     assert view.depth_m[1, 1] in depth[8:, 8:]
     assert view.depth_m[0, 0] == np.sort(depth[:8, :8].ravel())[31]
+
+
+def test_classes_alone_are_reduced_to_the_commonest() -> None:
+    kind = np.full((10, 16), 255, np.uint8)
+    kind[:8, :5], kind[:8, 8:11] = 3, 3  # 5 and 3 of 8 columns
+    kind[8:] = 7
+    view = reduce_classes(kind)
+    assert view.kind.tolist() == [[3, 255], [7, 7]]
+    assert view.depth_m is None
