@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -54,7 +55,7 @@ class Contents:
         scenes_with_mask: number of scenes with a mask.
         vector_maps: number of map-expansion files.
         lidarseg: number of LiDAR files with labels.
-        pixel_classes: number of images with pixel classes; None if the dataset is not on this machine.
+        pixel_classes: number of images with pixel classes; None if they are in a store, where each file is a request.
         bev: number of maps of each BEV source.
         ground_tilt_deg: largest tilt over a few scenes of the ground, on which annotated vehicles stand, in the ego
             frame; None if too few vehicles are annotated.
@@ -154,18 +155,22 @@ def contents_of(dataset: Dataset) -> Contents:
         scenes_with_mask=sum(scene.log_token in masked for scene in dataset.scenes),
         vector_maps=len(expansions),
         lidarseg=len(tables["lidarseg"]),
-        pixel_classes=None if isinstance(root, RemotePath) else sum(map(_labelled_images, root.glob("views/*.npz"))),
+        pixel_classes=_pixel_classes(root),
         bev={folder.name: len(list(folder.glob("[!.]*.npz"))) for folder in sources},
         ground_tilt_deg=_ground_tilt_deg(dataset),
         uses=uses_of(dataset, len(masks), len(expansions)),
     )
 
 
-def _labelled_images(path: Path) -> int:
-    try:
-        return count_labelled_images(path)
-    except DataError:
-        return 0
+def _pixel_classes(root: Path) -> int | None:
+    found = [*root.glob("views/*.npz")] if can_list(root) else []
+    if found and isinstance(root, RemotePath):
+        return None
+    total = 0
+    for path in found:
+        with suppress(DataError):  # packing names a damaged file
+            total += count_labelled_images(path)
+    return total
 
 
 def _ground_tilt_deg(dataset: Dataset) -> float | None:
@@ -238,8 +243,8 @@ def _contents_lines(c: Contents) -> Iterator[str]:
         yield f"  {name:<20} {channel.modality:<8} {channel.key_frames:>10,} {channel.sweeps:>10,}"
     yield f"masks: {c.masks}, for {c.scenes_with_mask} of {c.scenes} scenes; vector maps: {c.vector_maps}"
     yield f"LiDAR files with point labels: {c.lidarseg:,}"
-    if c.pixel_classes is not None:
-        yield f"images with pixel classes: {c.pixel_classes:,}"
+    classes = "not counted in a store" if c.pixel_classes is None else f"{c.pixel_classes:,}"
+    yield f"images with pixel classes: {classes}"
     bev = ", ".join(f"{source} {count}" for source, count in list(c.bev.items())[:_NAMES])
     yield f"bev: {bev or 'none'}"
     yield from c.uses

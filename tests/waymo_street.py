@@ -70,7 +70,7 @@ def project(points_cam: np.ndarray) -> np.ndarray:
 def camera_pose(camera: int, seconds: float) -> np.ndarray:
     """Pose of a camera in the world, axes right, down, ahead."""
     yaw, place, _ = CAMERAS[camera]
-    pose = ego(seconds) @ mounted(yaw, place)
+    pose: np.ndarray = ego(seconds) @ mounted(yaw, place)
     pose[:3, :3] = pose[:3, :3] @ FROM_WAYMO
     return pose
 
