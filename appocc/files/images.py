@@ -72,25 +72,30 @@ def decoded_image(path: PathLike, data: bytes, size_px: tuple[int, int] | None =
     image: ByteArray = np.asarray(decoded, dtype=np.uint8)
     if is_jpeg(data) and is_cut(data, image):
         raise DataError(f"{path}: the image is truncated (its end mark comes too early)")
-    height, width = image.shape[:2]
-    if size_px is not None and size_px != (width, height):
-        expected = f"{size_px[0]}x{size_px[1]}"
-        raise DataError(f"{path}: expected {expected} pixels, as its table says, got {width}x{height}")
+    _check_size(path, image, size_px)
     return image
 
 
-def decoded_labels(path: PathLike, data: bytes) -> NDArray[np.uint16]:
+def decoded_labels(path: PathLike, data: bytes, size_px: tuple[int, int]) -> NDArray[np.uint16]:
     """Decode the bytes of a grey PNG of 16 bits as (H, W) uint16 labels; `path` names it in messages.
 
     Raises:
-        DataError: if it is truncated, damaged or another image.
+        DataError: if it is truncated, damaged or another image, or has another size (width, height).
     """
     decoded = _decoded(data, cv2.IMREAD_UNCHANGED)
     if decoded is None:
         raise DataError(f"{path}: not a readable image ({len(data)} bytes), expected PNG")
     if decoded.dtype != np.uint16 or decoded.ndim != 2:
         raise DataError(f"{path}: expected a grey image of 16 bits, got {decoded.dtype} of shape {decoded.shape}")
+    _check_size(path, decoded, size_px)
     return decoded
+
+
+def _check_size(path: PathLike, image: NDArray[Any], size_px: tuple[int, int] | None) -> None:
+    height, width = image.shape[:2]
+    if size_px is not None and size_px != (width, height):
+        expected = f"{size_px[0]}x{size_px[1]}"
+        raise DataError(f"{path}: expected {expected} pixels, as its table says, got {width}x{height}")
 
 
 def _decoded(data: bytes, flags: int) -> NDArray[Any] | None:

@@ -224,10 +224,10 @@ class _LogWriter:
         """Return the pixel classes of the images that are cut out of a picture; damaged ones count as missing."""
         try:
             kinds = image.kinds()
-            cut = {} if kinds is None else self._rig.rectify_classes(image.camera, kinds, UNKNOWN_KIND)
         except DataError as error:
             self._miss(f"{image.camera} pixel classes", error)
             return {}
+        cut = {} if kinds is None else self._rig.rectify_classes(image.camera, kinds, UNKNOWN_KIND)
         return {channel: reduce_classes(classes) for channel, classes in cut.items()}
 
     def _add_sweep(self, sample: str, frame: Frame) -> FloatArray | None:

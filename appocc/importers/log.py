@@ -22,8 +22,8 @@ class Image:
         time_us: time of exposure, microseconds since 1970.
         world_from_ego: (4, 4) pose of the ego vehicle at this time.
         read: returns the JPEG or PNG file's bytes; raises DataError if they are missing.
-        kinds: returns the (H, W) uint8 `ViewClass` of each pixel, `UNKNOWN_KIND` where not labelled, or None if the
-            image has no labels; raises DataError if they are damaged.
+        kinds: returns the (H, W) uint8 `ViewClass` of each pixel, as large as the rig says, `UNKNOWN_KIND` where not
+            labelled, or None if the image has no labels; raises DataError if they are damaged.
     """
 
     camera: str

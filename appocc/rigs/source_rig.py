@@ -158,12 +158,10 @@ class SourceRig:
 
         Raises:
             NotFoundError: if the rig has no such source camera.
-            DataError: if the classes have another size than its picture; they are not scaled.
+            ShapeError: if the classes have another size than the rig says; they are not scaled.
         """
-        found, expected = (classes.shape[1], classes.shape[0]), self._size(name)
-        if found != expected:
-            sizes = "expected {}x{} pixels, as its rig says, got {}x{}".format(*expected, *found)
-            raise DataError(f"pixel classes of {name}: {sizes}")
+        width, height = self._size(name)
+        check_shape(f"pixel classes of {name}", classes, (height, width))
         views = (view for view in self.views if view.source == name)
         return {view.camera.channel: view.cut_classes(classes, outside) for view in views}
 

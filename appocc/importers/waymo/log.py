@@ -163,7 +163,10 @@ class WaymoLog:
 
     def _kinds(self, what: str, picture: Picture) -> ByteArray | None:
         label = picture.panoptic()
-        return kinds_of(f"{self.source}: {what}", label) if label.png else None
+        if not label.png:
+            return None
+        size_px = next(camera.size_px for camera in self._segment.cameras if camera.number == picture.camera)
+        return kinds_of(f"{self.source}: {what}", label, size_px)
 
     def _points(self, frame: WaymoFrame) -> FloatArray:
         """Return the points (N, 5) of all LiDARs in the frame of the upper one."""

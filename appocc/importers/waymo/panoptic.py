@@ -29,15 +29,16 @@ _KINDS = {
 _MOST = np.iinfo(np.uint16).max
 
 
-def kinds_of(name: str, label: PanopticLabel) -> ByteArray:
+def kinds_of(name: str, label: PanopticLabel, size_px: tuple[int, int]) -> ByteArray:
     """Return the (H, W) uint8 `ViewClass` of each pixel of a panoptic label, `UNKNOWN_KIND` where not labelled.
 
     Raises:
-        DataError: if the label is damaged or its divisor is not positive; `name` names it in the message.
+        DataError: if the label is damaged, has another size (width, height) or no divisor; `name` names it in the
+            message.
     """
     if not 1 <= label.divisor <= _MOST:
         raise DataError(f"{name}: panoptic_label_divisor: expected 1 to {_MOST}, got {label.divisor}")
     table: ByteArray = np.full(_MOST + 1, UNKNOWN_KIND, np.uint8)
     for kind, types in _KINDS.items():
         table[list(types)] = kind
-    return np.asarray(table[decoded_labels(name, label.png) // np.uint16(label.divisor)])
+    return np.asarray(table[decoded_labels(name, label.png, size_px) // np.uint16(label.divisor)])
