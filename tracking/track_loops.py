@@ -206,7 +206,7 @@ def _group(state: TrackState, model: ClassParameters, track: int) -> int:
     log_odds, group = _log_odds(state, model, track), 0
     for limit in _LEVELS:
         group += log_odds > limit
-    return 2 * group + (state.hidden[track] > _HIDDEN)
+    return 2 * group + 1 if state.hidden[track] > _HIDDEN else 2 * group
 
 
 @compiled
