@@ -18,7 +18,7 @@ SIZE, RGB, LAB = slice(0, 3), slice(3, 6), slice(6, 9)
 # Standard deviation of a detection's velocity, with which its track starts.
 _VELOCITY_STD_MPS = 1.5
 # Relative increase of the variance of a box whose object is hidden: only a part of it was seen.
-_HIDDEN_VARIANCE = 1.0
+_HIDDEN_VARIANCE = 0.5
 # Minimum heading weight, of square shapes.
 _MIN_AXIS_WEIGHT = 0.01
 
