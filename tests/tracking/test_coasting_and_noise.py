@@ -59,8 +59,8 @@ def test_hidden_tracks_coast_for_themselves() -> None:
 
     def at(i: int) -> Detections:
         period, frame = divmod(i, PERIOD)
-        cars = [(25, y) for y in (-9, 0, 9)] + [(-20, 5 * (period % 2) + y) for y in (-15, 0, 15)]
-        trucks = [(12, y / 2) for y in (-9, 0, 9)]
+        cars = [(25.0, y) for y in (-9.0, 0.0, 9.0)] + [(-20.0, 5 * (period % 2) + y) for y in (-15.0, 0.0, 15.0)]
+        trucks = [(12.0, y / 2) for y in (-9.0, 0.0, 9.0)]
         return seen(trucks + cars * (frame < PERIOD - AWAY), size_m=(2.4, 2.4, 3.0))
 
     last = follow(at, 12 * PERIOD)[-1]
