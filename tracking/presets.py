@@ -84,6 +84,7 @@ def _people(position_std_m: float, min_gate_m: float, coast_std_m: float) -> Tra
         rematch=replace(association, gate_chi2=15.0),
         classes={},
         colour_outlier_rate=1.0,
+        occlusion=False,
     )
 
 

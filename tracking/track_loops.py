@@ -12,8 +12,11 @@ from tracking.compiled import compiled
 
 # Weight, in detections, of the configured colour spread against the spread over all tracks.
 _LAB_STD_WEIGHT = 10.0
-# Limits between levels of a track's score, as log-odds: sure tracks are detected again more often.
+# Limits between levels of a track's score, as log-odds: sure tracks are detected again more often. Each level has two
+# groups, because hidden tracks return more often than visible ones.
 _LEVELS = (0.0, 1.0, 2.0)
+# Share of a track that nearer boxes hide from which it counts as hidden.
+_HIDDEN = 0.3
 # Largest number of missed frames that is told apart.
 _MOST_MISSED = 40
 # Prior rate of returns in a frame, and its weight in frames.
@@ -40,6 +43,7 @@ class TrackState(NamedTuple):
         tracked_s: (N,) time from the first to the last detection.
         ground_m: (N,) heights of the ground.
         front_votes: (N,) evidence for the end that is taken as front.
+        hidden: (N,) share that nearer boxes hid in the last frame with a miss.
         axis: (2, N) smoothed vectors at twice the heading.
         detected: (2, N) sum and weight of the evidence of detections.
         with_misses: (2, N) the same with misses.
@@ -59,6 +63,7 @@ class TrackState(NamedTuple):
     tracked_s: FloatArray
     ground_m: FloatArray
     front_votes: FloatArray
+    hidden: FloatArray
     axis: FloatArray
     detected: FloatArray
     with_misses: FloatArray
@@ -83,8 +88,8 @@ class MatchedDetections(NamedTuple):
 
 
 def prior_returns() -> FloatArray:
-    """Return (2, L, K) the prior on returns and frames at risk, by level of score and number of missed frames."""
-    counts = np.full((2, len(_LEVELS) + 1, _MOST_MISSED + 1), _RETURN_WEIGHT)
+    """Return (2, G, K) the prior on returns and frames at risk, by group and number of missed frames."""
+    counts = np.full((2, 2 * (len(_LEVELS) + 1), _MOST_MISSED + 1), _RETURN_WEIGHT)
     counts[0] *= _RETURN_RATE
     return counts
 
@@ -196,11 +201,12 @@ def _log_odds(state: TrackState, model: ClassParameters, track: int) -> float:
 
 
 @compiled
-def _level(log_odds: float) -> int:
-    level = 0
+def _group(state: TrackState, model: ClassParameters, track: int) -> int:
+    """Return the group of tracks with the same chance to return: by level of score, visible or hidden."""
+    log_odds, group = _log_odds(state, model, track), 0
     for limit in _LEVELS:
-        level += log_odds > limit
-    return level
+        group += log_odds > limit
+    return 2 * group + 1 if state.hidden[track] > _HIDDEN else 2 * group
 
 
 @compiled
@@ -210,9 +216,9 @@ def _learn_return(
     """Learn from a frame in which a confirmed track could return after missed frames."""
     missed = int(state.unseen_s[track] / step_s + 0.5) - 1  # before this frame
     if state.confirmed[track] and 0 < missed <= _MOST_MISSED:
-        level = _level(_log_odds(state, model, track))
-        returns[0, level, missed] += returned
-        returns[1, level, missed] += 1.0
+        group = _group(state, model, track)
+        returns[0, group, missed] += returned
+        returns[1, group, missed] += 1.0
 
 
 @compiled
@@ -220,6 +226,7 @@ def count_misses(
     state: TrackState,
     model: ClassParameters,
     blind: BoolArray,
+    hidden: FloatArray,
     returns: FloatArray,
     step_s: float,
     seconds: float,
@@ -238,6 +245,7 @@ def count_misses(
         elif state.detection[n] < 0:
             _add_evidence(state.with_misses, n, decay, weight, miss_log_odds)
             _learn_return(state, model, returns, n, step_s, 0.0)
+            state.hidden[n] = hidden[n]
         remembered_s = forget_stationary_s if state.stationary[n] else forget_s
         missed_for_s = (remembered_s if _log_odds(state, model, n) > 0 else lost_s) if state.confirmed[n] else 0.0
         expired[n] = state.missed_s[n] > missed_for_s or state.unseen_s[n] > remembered_s
@@ -260,12 +268,12 @@ def find_reportable(
     for n in range(len(reported)):
         reported[n] = state.confirmed[n] and state.unseen_s[n] == 0
         if state.confirmed[n] and 0 < state.unseen_s[n] <= coast_s and std_m[n] <= coast_std_m:
-            level = _level(_log_odds(state, model, n))
-            reported[n] = _chance_to_return(returns, level, state.unseen_s[n], step_s, lost_s) >= coast_chance
+            group = _group(state, model, n)
+            reported[n] = _chance_to_return(returns, group, state.unseen_s[n], step_s, lost_s) >= coast_chance
 
 
 @compiled
-def _chance_to_return(returns: FloatArray, level: int, unseen_s: float, step_s: float, lost_s: float) -> float:
+def _chance_to_return(returns: FloatArray, group: int, unseen_s: float, step_s: float, lost_s: float) -> float:
     """Return the chance that a track is detected again before it is lost.
 
     It is the estimate of Kaplan and Meier (J. Am. Stat. Assoc. 53, 1958): one minus the product of the rates of
@@ -273,7 +281,7 @@ def _chance_to_return(returns: FloatArray, level: int, unseen_s: float, step_s: 
     """
     stays_away, last = 1.0, min(int(lost_s / step_s + 1e-6), _MOST_MISSED)
     for missed in range(max(int(unseen_s / step_s + 0.5), 1), last + 1):
-        stays_away *= 1.0 - returns[0, level, missed] / returns[1, level, missed]
+        stays_away *= 1.0 - returns[0, group, missed] / returns[1, group, missed]
     return 1.0 - stays_away
 
 

@@ -109,12 +109,12 @@ class TrackTable:
         self._set_step(_NO_STEP_S)
         self.filters = KalmanFilters()
         self._medians = RunningMedian(config.median_window, 9)
-        self._set_tables(np.zeros((3, 0), np.int64), np.zeros((4, 0), np.bool_), np.zeros((13, 0)))
+        self._set_tables(np.zeros((3, 0), np.int64), np.zeros((4, 0), np.bool_), np.zeros((14, 0)))
 
     def _set_tables(self, integers: IntArray, flags: BoolArray, floats: FloatArray) -> None:
         """Replace the state by tables (..., N): few arrays grow and shrink faster than many."""
         self._tables = integers, flags, floats
-        self.state = TrackState._make([*integers, *flags, *floats[:7], floats[7:9], floats[9:11], floats[11:]])
+        self.state = TrackState._make([*integers, *flags, *floats[:8], floats[8:10], floats[10:12], floats[12:]])
         self._models = self._classes.parameters(self.state.kind)
 
     def __len__(self) -> int:
@@ -125,6 +125,11 @@ class TrackTable:
     def position_world_m(self) -> FloatArray:
         """(N, 3) positions on the ground."""
         return np.concatenate([self.filters.mean[:, :2], self.state.ground_m[:, None]], axis=1)
+
+    @property
+    def size_m(self) -> FloatArray:
+        """(N, 3) width, length, height."""
+        return self._medians.median[:, SIZE]
 
     @property
     def score(self) -> FloatArray:
@@ -187,8 +192,13 @@ class TrackTable:
             float(config.front_from_motion_mps),
         )
 
-    def count_misses(self, blind: BoolArray, seconds: float) -> BoolArray:
-        """Count the last time step as a miss of unmatched tracks, except for tracks in blind spots (N,).
+    def count_misses(self, blind: BoolArray, hidden: FloatArray, seconds: float) -> BoolArray:
+        """Count the last time step as a miss of unmatched tracks, except for tracks in blind spots.
+
+        Args:
+            blind: (N,) tracks in blind spots.
+            hidden: (N,) shares that nearer boxes hide.
+            seconds: the time step.
 
         Returns:
             (N,) tracks that expire: missed for too long, or unconfirmed and missed once. Tracks with negative
@@ -200,6 +210,7 @@ class TrackTable:
             self.state,
             self._models,
             blind,
+            hidden,
             self._returns,
             self._step_s,
             seconds,

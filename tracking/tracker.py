@@ -15,6 +15,7 @@ from tracking.association.colour_likelihood import ColourLikelihood
 from tracking.association.costs import AssociationConfig
 from tracking.class_models import CLASS_MODELS, ClassModel, ClassTable
 from tracking.detections import Detections
+from tracking.range_image import RangeImage
 from tracking.track_table import LifecycleConfig, TrackTable
 from tracking.tracks import Tracks
 from tracking.world_detections import WorldDetections, detections_in_world
@@ -44,6 +45,8 @@ class TrackerConfig:
         drifted: last stage, established tracks that left their predicted path; high detections with a known colour.
         classes: models of categories; others have the motion model of the life cycle.
         colour_outlier_rate: initial probability that a colour is wrong; 1 disables colours.
+        occlusion: whether nearer detections hide farther ones from the ego. False for positions in an image, or in a
+            world in which the position of the camera is unknown.
     """
 
     high_threshold: float = 0.5
@@ -56,6 +59,7 @@ class TrackerConfig:
     drifted: AssociationConfig = DRIFTED_STAGE
     classes: Mapping[str, ClassModel] = field(default_factory=lambda: CLASS_MODELS)
     colour_outlier_rate: float = 0.1
+    occlusion: bool = True
 
 
 class Tracker:
@@ -92,7 +96,10 @@ class Tracker:
         """
         check_transform("world_from_ego", world_from_ego)
         seconds = self._predict(timestamp_us)
-        found = detections_in_world(detections, world_from_ego, self._classes)
+        solid = (detections.log_odds >= self.config.high_threshold) & self.config.occlusion
+        image = RangeImage(detections.ground_m, detections.yaw_rad, detections.size_m, solid)
+        hidden = image.hidden(detections.ground_m, detections.size_m)
+        found = detections_in_world(detections, world_from_ego, self._classes, hidden)
         kept, evidence = detections.resolve_duplicates()
         found = found._replace(log_odds=np.where(kept, found.log_odds, -np.inf), evidence=evidence)
         unmatched = self._associate(found)
@@ -101,19 +108,19 @@ class Tracker:
         xy_ego_m = (table.position_world_m - world_from_ego[:3, 3]) @ world_from_ego[:3, :2]
         # Unmatched tracks outside the field of view are dropped: a vehicle that enters there is a new one.
         matched = table.state.detection >= 0
-        expired = table.count_misses(detections.view.blind(xy_ego_m), seconds)
+        expired = table.count_misses(detections.view.blind(xy_ego_m), image.hidden(xy_ego_m, table.size_m), seconds)
         keep = ~expired & (detections.view.sees(xy_ego_m) | matched)
         table.keep(keep)
         # An unmatched track inside a detection's box belongs to a vehicle that touches the detected one: the track
         # is reported, and the detection starts no new track.
-        (hidden,) = (table.state.confirmed & (table.state.detection < 0) & ~table.state.lost).nonzero()
-        covered, covering = detections.find_containing(xy_ego_m.compress(keep, axis=0).take(hidden, axis=0))
+        (unseen,) = (table.state.confirmed & (table.state.detection < 0) & ~table.state.lost).nonzero()
+        covered, covering = detections.find_containing(xy_ego_m.compress(keep, axis=0).take(unseen, axis=0))
         new = unmatched & (found.log_odds >= self.config.init_threshold)
-        own = table.state.kind[hidden[covered]] == found.kind[covering]
+        own = table.state.kind[unseen[covered]] == found.kind[covering]
         new[covering[own]] = False
         self._start_tracks(new.nonzero()[0], found)
         reported = table.reportable
-        reported[hidden[covered[own]]] = True
+        reported[unseen[covered[own]]] = True
         return table.tracks(reported)
 
     def _predict(self, timestamp_us: int) -> float:

@@ -17,6 +17,8 @@ from tracking.detections import Detections
 SIZE, RGB, LAB = slice(0, 3), slice(3, 6), slice(6, 9)
 # Standard deviation of a detection's velocity, with which its track starts.
 _VELOCITY_STD_MPS = 1.5
+# Relative increase of the variance of a box whose object is hidden: only a part of it was seen.
+_HIDDEN_VARIANCE = 0.5
 # Minimum heading weight, of square shapes.
 _MIN_AXIS_WEIGHT = 0.01
 
@@ -72,8 +74,17 @@ class WorldDetections(NamedTuple):
         )
 
 
-def detections_in_world(detections: Detections, world_from_ego: FloatArray, classes: ClassTable) -> WorldDetections:
-    """Transform detections to the world frame, with the measurement noise of their classes."""
+def detections_in_world(
+    detections: Detections, world_from_ego: FloatArray, classes: ClassTable, hidden: FloatArray
+) -> WorldDetections:
+    """Transform detections to the world frame, with the measurement noise of their classes.
+
+    Args:
+        detections: M detections in the ego frame.
+        world_from_ego: (4, 4) ego pose.
+        classes: models of the categories.
+        hidden: (M,) shares that nearer boxes hide.
+    """
     kind = classes.numbers(detections.kind)
     model = classes.parameters(kind)
     n = len(kind)
@@ -87,6 +98,7 @@ def detections_in_world(detections: Detections, world_from_ego: FloatArray, clas
         detections.size_m,
         detections.velocity_mps,
         detections.truncated,
+        hidden,
         model,
         classes.noise_factor(kind, detections.log_odds),
     )
@@ -116,6 +128,7 @@ def _transform(
     size_m: FloatArray,
     velocity_mps: FloatArray,
     truncated: BoolArray,
+    hidden: FloatArray,
     model: ClassParameters,
     noise_factor: FloatArray,
 ) -> None:
@@ -144,7 +157,8 @@ def _transform(
             if truncated[i]:  # the heading of its box says little about the direction of motion
                 across = along
         _orient(velocity_m2ps2, i, cos, sin, along, across)
-        _orient(noise_m2, i, cos, sin, model.along_std_m[i], model.across_std_m[i])
+        scale = np.sqrt(1 + _HIDDEN_VARIANCE * hidden[i])
+        _orient(noise_m2, i, cos, sin, scale * model.along_std_m[i], scale * model.across_std_m[i])
         for j in range(2):
             for k in range(2):
                 surplus_m2[i, j, k] = (1 - noise_factor[i]) * noise_m2[i, j, k]

@@ -54,6 +54,25 @@ def test_the_chance_at_which_a_track_stops_can_be_set() -> None:
     assert sum(not track.seen for moment in moments[10:] for track in moment) == 6
 
 
+def test_hidden_tracks_coast_for_themselves() -> None:
+    """Cars that a truck hides return, cars in the open end: the chances are learnt apart."""
+
+    def at(i: int) -> Detections:
+        period, frame = divmod(i, PERIOD)
+        cars = [(25.0, y) for y in (-9.0, 0.0, 9.0)] + [(-20.0, 5 * (period % 2) + y) for y in (-15.0, 0.0, 15.0)]
+        trucks = [(12.0, y / 2) for y in (-9.0, 0.0, 9.0)]
+        return seen(trucks + cars * (frame < PERIOD - AWAY), size_m=(2.4, 2.4, 3.0))
+
+    last = follow(at, 12 * PERIOD)[-1]
+    assert sorted(round(float(track.position_world_m[0])) for track in last if not track.seen) == [25, 25, 25]
+
+
+def test_the_box_of_a_hidden_car_is_less_exact() -> None:
+    table = ClassTable(CLASS_MODELS, ClassModel())
+    whole, cut = detections_in_world(seen([(10, 0), (20, 0)]), np.eye(4), table, np.array([0.0, 1.0])).noise_m2
+    np.testing.assert_allclose(cut, 1.5 * whole)
+
+
 def learn(table: ClassTable, log_odds: float, std_m: float, frames: int, seed: int = 0) -> None:
     """Let a table learn from innovations of a known spread, with exact predictions."""
     dice, kind = np.random.default_rng(seed), table.numbers(["car"])
@@ -86,7 +105,9 @@ def test_the_noise_of_unsure_detections_enters_the_covariance() -> None:
     table = ClassTable(CLASS_MODELS, ClassModel())
     learn(table, 5.0, 0.05, 1500)
     learn(table, -2.0, 0.4, 1500)
-    sure, unsure = (detections_in_world(seen([(10, 0)], log_odds=each), np.eye(4), table) for each in (5.0, -2.0))
+    sure, unsure = (
+        detections_in_world(seen([(10, 0)], log_odds=each), np.eye(4), table, np.zeros(1)) for each in (5.0, -2.0)
+    )
     assert np.array_equal(sure.noise_m2, unsure.noise_m2)  # association keeps the configured noise
     assert sure.surplus_noise_m2[0, 0, 0] > unsure.surplus_noise_m2[0, 0, 0]
 

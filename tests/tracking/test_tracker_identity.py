@@ -137,7 +137,7 @@ def test_stationary_tracks_keep_their_position_while_hidden() -> None:
     classes = ClassTable({}, ClassModel())
     followed = TrackTable(LifecycleConfig(), classes)
     for i in range(20):
-        sight = detections_in_world(seen([[0.05 * i, 0]]), pose(), classes)
+        sight = detections_in_world(seen([[0.05 * i, 0]]), pose(), classes, np.zeros(1))
         if i == 0:
             followed.add(sight, np.ones(1, np.int64), np.zeros(1, np.int64))
             continue
@@ -163,7 +163,7 @@ def test_little_seen_of_a_colour_says_little_of_the_next_one() -> None:
     classes = ClassTable({}, ClassModel())
     followed = TrackTable(config, classes)
     coloured = replace(seen([[0, 0]]), lab=np.array([[50.0, 40.0, 10.0]]), rgb=np.full((1, 3), 100.0))
-    both = [detections_in_world(each, pose(), classes) for each in (coloured, seen([[9, 0]]))]
+    both = [detections_in_world(each, pose(), classes, np.zeros(1)) for each in (coloured, seen([[9, 0]]))]
     for number, sight in enumerate(both):
         followed.add(sight, np.array([number]), np.zeros(1, np.int64))
     expected, share = np.square(config.lab_std), config.lab_prior_weight / (config.lab_prior_weight + 1)

@@ -15,6 +15,8 @@ _PRIOR_WEIGHT, _MEMORY = 4.0, 500.0
 # Below this cost without colours, a pair is certainly the same vehicle, if no other pair of its track or detection
 # costs less than this much more.
 _CERTAIN_COST, _MARGIN = -3.0, 6.0
+# Products of likelihoods stay above this and below its inverse.
+_LEAST = 1e-100
 
 
 class ColourLikelihood:
@@ -45,7 +47,8 @@ class ColourLikelihood:
         if self._enabled and len(pairs.rows):
             arrays = pairs.rows, pairs.columns, pairs.cost, pairs.colour_ratio
             least = np.full((4, 1 + max(pairs.rows.max(), pairs.columns.max())), np.inf)
-            self._rate = _mean_rate(*arrays, least, self._log_prior, self._log_likelihood, self._rate)
+            certain = np.empty(len(pairs.rows))
+            self._rate = _mean_rate(*arrays, least, certain, self._log_prior, self._log_likelihood, self._rate)
 
     def add_cost(self, pairs: CandidatePairs) -> CandidatePairs:
         """Return the pairs with colour costs added: negative for similar colours, zero for unknown ones."""
@@ -71,13 +74,15 @@ def _mean_rate(
     cost: FloatArray,
     ratio: FloatArray,
     least: FloatArray,
+    certain: FloatArray,
     log_prior: FloatArray,
     log_likelihood: FloatArray,
     rate: float,
 ) -> float:
     """Add certain pairs to the likelihood, in place, and return the mean of the posterior; `rate` without such pairs.
 
-    `least` (4, K) is infinity; lowest and second lowest costs of tracks and of detections are written to it.
+    `least` (4, K) is infinity; lowest and second lowest costs of tracks and of detections are written to it, and the
+    ratios of certain pairs to `certain` (P,).
     """
     for pair in range(len(cost)):
         _note_least(least, 0, rows[pair], cost[pair])
@@ -88,14 +93,19 @@ def _mean_rate(
         best = cost[pair] == least[0, n] and cost[pair] == least[2, m]
         unrivalled = best and cost[pair] + _MARGIN <= min(least[1, n], least[3, m])
         if unrivalled and cost[pair] < _CERTAIN_COST and np.isfinite(ratio[pair]):
+            certain[count] = ratio[pair]
             count += 1
-            for k in range(len(_RATES)):
-                log_likelihood[k] += np.log(_RATES[k] + (1 - _RATES[k]) * ratio[pair])
     if not count:
         return rate
     highest = -np.inf
     for k in range(len(_RATES)):
-        log_likelihood[k] *= _MEMORY / (_MEMORY + count)
+        product = 1.0
+        for index in range(count):
+            product *= _RATES[k] + (1 - _RATES[k]) * certain[index]
+            if not _LEAST < product < 1 / _LEAST:  # logarithms are slow
+                log_likelihood[k] += np.log(product)
+                product = 1.0
+        log_likelihood[k] = (log_likelihood[k] + np.log(product)) * (_MEMORY / (_MEMORY + count))
         highest = max(highest, log_prior[k] + log_likelihood[k])
     total, mean = 0.0, 0.0
     for k in range(len(_RATES)):

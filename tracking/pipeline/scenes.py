@@ -1,4 +1,4 @@
-"""Tracking pipeline: maps or detections in, tracks and files out."""
+"""Scenes of a dataset: maps or detections in, tracks and files out."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,76 +22,13 @@ from tracking.detections import Detections
 from tracking.filtering.kalman import MotionConfig
 from tracking.filtering.smoother import SmoothingConfig, smooth
 from tracking.instances.instances import InstanceConfig
-from tracking.io.kitti import KittiSequence
-from tracking.io.kitti_results import KittiResult, kitti_results, kitti_score, write_kitti_results
-from tracking.io.mot_challenge import MotSequence
 from tracking.io.nuscenes_detections import TRACKED, DetectionResults
 from tracking.io.track_summaries import summarise_tracks, write_summaries
 from tracking.io.writers import write_csv, write_mot, write_nuscenes
-from tracking.presets import MAPS, OBJECTS, PEOPLE_IN_IMAGE, PEOPLE_ON_GROUND
-from tracking.tracker import Tracker, TrackerConfig
+from tracking.pipeline.online import OnlineTracker, count_tracks, no_progress, run_tracker, select_scores
+from tracking.presets import MAPS, OBJECTS
+from tracking.tracker import Tracker
 from tracking.tracks import Track
-
-
-def _ignore(steps: int) -> None:
-    """Report no progress."""
-
-
-# Running a tracker ------------------------------------------------------------------------------------------------
-
-
-class DetectionFrame(Protocol):
-    """Detections of one frame, with its time and ego pose."""
-
-    @property
-    def detections(self) -> Detections:
-        """Detections in the ego frame."""
-        ...
-
-    @property
-    def timestamp_us(self) -> int:
-        """Time in microseconds."""
-        ...
-
-    @property
-    def world_from_ego(self) -> FloatArray:
-        """(4, 4) ego pose."""
-        ...
-
-
-class OnlineTracker(Protocol):
-    """A tracker that is updated frame by frame."""
-
-    def update(self, detections: Detections, timestamp_us: int, world_from_ego: FloatArray, /) -> Iterable[Track]:
-        """Process one frame and return its tracks."""
-        ...
-
-
-def run_tracker(
-    tracker: OnlineTracker, frames: Iterable[DetectionFrame], advance: Callable[[int], None] = _ignore
-) -> tuple[tuple[Track, ...], ...]:
-    """Run a new tracker on a recording and return the tracks of each frame.
-
-    `advance` is called with 1 after each frame.
-    """
-    tracks = []
-    for frame in frames:
-        tracks.append(tuple(tracker.update(frame.detections, frame.timestamp_us, frame.world_from_ego)))
-        advance(1)
-    return tuple(tracks)
-
-
-def select_scores(tracks: Iterable[Iterable[Track]], min_score: float) -> tuple[tuple[Track, ...], ...]:
-    """Return the tracks of each frame whose score, by what is known at that time, is at least `min_score`."""
-    return tuple(tuple(track for track in states if track.score >= min_score) for states in tracks)
-
-
-def count_tracks(tracks: Iterable[Iterable[Track]]) -> int:
-    """Return the number of different track ids."""
-    return len({track.id for states in tracks for track in states})
-
-
-# Scenes of a dataset ----------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +100,7 @@ def track_samples(
     world_from_ego: FloatArray,
     detections: Iterable[Detections],
     tracker: OnlineTracker,
-    advance: Callable[[int], None] = _ignore,
+    advance: Callable[[int], None] = no_progress,
 ) -> tuple[tuple[Track, ...], ...]:
     """Run a new tracker on T key frames with poses (T, 4, 4) and detections; `advance` as in `run_tracker`."""
     frames = zip(samples, world_from_ego, detections, strict=True)
@@ -195,7 +132,7 @@ def track_scene(
     instance_config: InstanceConfig | None = None,
     trust_unseen: bool = False,
     smoothing: bool = False,
-    advance: Callable[[int], None] = _ignore,
+    advance: Callable[[int], None] = no_progress,
 ) -> SceneTracks:
     """Track the objects of a scene's maps, see `track_maps`.
 
@@ -223,7 +160,7 @@ def track_maps(
     instance_config: InstanceConfig | None = None,
     trust_unseen: bool = False,
     smoothing: bool = False,
-    advance: Callable[[int], None] = _ignore,
+    advance: Callable[[int], None] = no_progress,
 ) -> SceneTracks:
     """Track the objects of a scene's maps, or the vehicle instances of maps without objects.
 
@@ -267,7 +204,7 @@ def track_detections(
     *,
     tracker: OnlineTracker | None = None,
     smoothing: bool = False,
-    advance: Callable[[int], None] = _ignore,
+    advance: Callable[[int], None] = no_progress,
 ) -> tuple[SceneTracks, dict[str, int]]:
     """Track the objects of a scene through a file of nuScenes detection results.
 
@@ -324,77 +261,3 @@ def write_tracks(folder: Path, result: SceneTracks) -> list[Path]:
     write_csv(paths[2], result.times_us, result.tracks)
     write_summaries(paths[3], summarise_tracks(result.times_us, result.tracks))
     return paths
-
-
-# KITTI sequences and MOTChallenge files ---------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class KittiTracks:
-    """Tracks of a KITTI sequence.
-
-    Attributes:
-        sequence: T frames.
-        tracks: T tuples of tracks.
-        results: T tuples of the tracks inside the image, as KITTI results.
-    """
-
-    sequence: KittiSequence
-    tracks: tuple[tuple[Track, ...], ...]
-    results: tuple[tuple[KittiResult, ...], ...]
-
-
-def track_sequence(
-    sequence: KittiSequence, tracker: OnlineTracker, advance: Callable[[int], None] = _ignore
-) -> tuple[tuple[Track, ...], ...]:
-    """Run a new tracker on a KITTI sequence and return the tracks of each frame; `advance` as in `run_tracker`."""
-    return run_tracker(tracker, sequence.frames, advance)
-
-
-def track_kitti(
-    sequences: Iterable[KittiSequence], smoothing: bool = False, advance: Callable[[int], None] = _ignore
-) -> list[KittiTracks]:
-    """Track KITTI sequences, optionally with offline smoothing; `advance` as in `run_tracker`."""
-    outcomes = []
-    for sequence in sequences:
-        tracks = track_sequence(sequence, Tracker(), advance)
-        if smoothing:
-            tracks = smooth([frame.timestamp_us for frame in sequence.frames], tracks)
-        outcomes.append(KittiTracks(sequence, tracks, kitti_results(sequence, tracks)))
-    return outcomes
-
-
-def write_kitti_tracks(folder: Path, outcomes: Iterable[KittiTracks], min_score: float = 0.0) -> list[Path]:
-    """Write the results of each sequence with at least a score, 0..1, to NNNN.txt and return the paths.
-
-    Raises:
-        DataError: if a file cannot be written.
-    """
-    paths = []
-    for outcome in outcomes:
-        paths.append(folder / f"{outcome.sequence.name}.txt")
-        least = kitti_score(min_score)
-        write_kitti_results(paths[-1], [[one for one in rows if one.score >= least] for rows in outcome.results])
-    return paths
-
-
-def people_config(sequence: MotSequence) -> TrackerConfig:
-    """Return the tracker configuration for people on the ground or in the image."""
-    return PEOPLE_ON_GROUND if sequence.px_per_m is None else PEOPLE_IN_IMAGE
-
-
-def track_people(sequence: MotSequence, advance: Callable[[int], None] = _ignore) -> tuple[tuple[Track, ...], ...]:
-    """Track the people of a MOTChallenge file and return the tracks of each frame; `advance` as in `run_tracker`."""
-    return run_tracker(Tracker(people_config(sequence)), sequence.frames, advance)
-
-
-def people_path(detections: Path, folder: Path) -> Path:
-    """Return the path for the tracks of a MOTChallenge file: a file of the same name in a folder.
-
-    Raises:
-        DataError: if it is the file of the detections.
-    """
-    path = folder / f"{detections.stem}.txt"
-    if path.resolve() == detections.resolve():
-        raise DataError(f"{detections}: the tracks would be written over the detections; choose another folder")
-    return path
