@@ -14,8 +14,8 @@ from safetensors.numpy import load_file, save_file
 from appocc.errors import DataError
 from benchmarks.reader.examples import Example, example_of, read_sentences
 from benchmarks.reader.network import TorchReader, batch_of, export_weights
+from benchmarks.reader.training import loss_of
 from benchmarks.reader.variants import Variants
-from benchmarks.train_reader import loss_of
 from grounding.language.reader.fields import CHOICES
 from grounding.language.reader.network import MAX_TOKENS, ReaderNetwork
 from grounding.language.reader.reader import WEIGHTS_PATH, default_reader, load_reader
