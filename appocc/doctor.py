@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 
 from appocc.boxes import is_vehicle
 from appocc.environment import Environment, inspect_environment
-from appocc.errors import AppoccError
+from appocc.errors import AppoccError, DataError
 from appocc.files import RemotePath
 from appocc.files.questions import can_list
 from appocc.levelling import ego_from_level
@@ -19,6 +20,7 @@ from appocc.nuscenes import Dataset, Scene
 from appocc.nuscenes.problem import Problem
 from appocc.nuscenes.records import NO_MAP
 from appocc.nuscenes.validate import ProgressBar, no_progress, validate
+from appocc.nuscenes.view_targets import count_labelled_images
 from appocc.uses import uses_of
 
 _EXAMPLES, _FEW_KINDS, _NAMES = 3, 4, 6
@@ -53,6 +55,7 @@ class Contents:
         scenes_with_mask: number of scenes with a mask.
         vector_maps: number of map-expansion files.
         lidarseg: number of LiDAR files with labels.
+        pixel_classes: number of images with pixel classes; None if they are in a store, where each file is a request.
         bev: number of maps of each BEV source.
         ground_tilt_deg: largest tilt over a few scenes of the ground, on which annotated vehicles stand, in the ego
             frame; None if too few vehicles are annotated.
@@ -72,6 +75,7 @@ class Contents:
     scenes_with_mask: int
     vector_maps: int
     lidarseg: int
+    pixel_classes: int | None
     bev: dict[str, int]
     ground_tilt_deg: float | None
     uses: tuple[str, ...]
@@ -151,10 +155,22 @@ def contents_of(dataset: Dataset) -> Contents:
         scenes_with_mask=sum(scene.log_token in masked for scene in dataset.scenes),
         vector_maps=len(expansions),
         lidarseg=len(tables["lidarseg"]),
+        pixel_classes=_pixel_classes(root),
         bev={folder.name: len(list(folder.glob("[!.]*.npz"))) for folder in sources},
         ground_tilt_deg=_ground_tilt_deg(dataset),
         uses=uses_of(dataset, len(masks), len(expansions)),
     )
+
+
+def _pixel_classes(root: Path) -> int | None:
+    found = [*root.glob("views/*.npz")] if can_list(root) else []
+    if found and isinstance(root, RemotePath):
+        return None
+    total = 0
+    for path in found:
+        with suppress(DataError):  # packing names a damaged file
+            total += count_labelled_images(path)
+    return total
 
 
 def _ground_tilt_deg(dataset: Dataset) -> float | None:
@@ -227,6 +243,8 @@ def _contents_lines(c: Contents) -> Iterator[str]:
         yield f"  {name:<20} {channel.modality:<8} {channel.key_frames:>10,} {channel.sweeps:>10,}"
     yield f"masks: {c.masks}, for {c.scenes_with_mask} of {c.scenes} scenes; vector maps: {c.vector_maps}"
     yield f"LiDAR files with point labels: {c.lidarseg:,}"
+    classes = "not counted in a store" if c.pixel_classes is None else f"{c.pixel_classes:,}"
+    yield f"images with pixel classes: {classes}"
     bev = ", ".join(f"{source} {count}" for source, count in list(c.bev.items())[:_NAMES])
     yield f"bev: {bev or 'none'}"
     yield from c.uses

@@ -67,21 +67,56 @@ def project(points_cam: np.ndarray) -> np.ndarray:
     )
 
 
+def camera_pose(camera: int, seconds: float) -> np.ndarray:
+    """Pose of a camera in the world, axes right, down, ahead."""
+    yaw, place, _ = CAMERAS[camera]
+    pose: np.ndarray = ego(seconds) @ mounted(yaw, place)
+    pose[:3, :3] = pose[:3, :3] @ FROM_WAYMO
+    return pose
+
+
+def car_outline(camera: int, seconds: float) -> np.ndarray:
+    """Pixels around the car in a picture."""
+    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+    corners = np.c_[signs * CAR_LWH / 2, np.ones(8)] @ (np.linalg.inv(camera_pose(camera, seconds)) @ car()).T
+    return np.asarray(cv2.convexHull(project(corners[:, :3]).round().astype(np.int32)))
+
+
 @cache
 def jpeg(camera: int, seconds: float) -> bytes:
     """The picture of a camera: balls, and the car as a flat patch."""
-    yaw, place, _ = CAMERAS[camera]
-    world_from_cam = ego(seconds) @ mounted(yaw, place)
-    world_from_cam[:3, :3] = world_from_cam[:3, :3] @ FROM_WAYMO
-    data = ball_jpeg(project, SIZE, world_from_cam, ORIGIN)
+    data = ball_jpeg(project, SIZE, camera_pose(camera, seconds), ORIGIN)
     picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     assert picture is not None
-    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
-    corners = np.c_[signs * CAR_LWH / 2, np.ones(8)] @ (np.linalg.inv(world_from_cam) @ car()).T
     if camera == 1:
-        hull = cv2.convexHull(project(corners[:, :3]).round().astype(np.int32))
-        cv2.fillConvexPoly(picture, hull, CAR_RGB[::-1])
+        cv2.fillConvexPoly(picture, car_outline(camera, seconds), CAR_RGB[::-1])
     return bytes(cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes())
+
+
+# Panoptic labels: (frame, camera) that have one, divisor, and number of a pixel's class (camera_segmentation.proto).
+LABELLED = {(0, 1), (0, 4), (0, 5), (1, 1)}
+DIVISOR = 1000
+UNDEFINED, CAR_TYPE, LANE_MARKER, SKY = 0, 2, 21, 25
+
+
+@cache
+def label_image(camera: int, seconds: float) -> np.ndarray:
+    """The class of each pixel of a picture, as the camera takes it: sky above, road with a line below, the car."""
+    types = np.full(SIZE[::-1], 20, np.uint16)
+    types[:100] = SKY
+    types[180:, 200:216] = LANE_MARKER
+    types[-20:] = UNDEFINED
+    if camera == 1:
+        cv2.fillConvexPoly(types, car_outline(camera, seconds), CAR_TYPE)
+    return types
+
+
+@cache
+def panoptic_png(camera: int, seconds: float) -> bytes:
+    """The label of a picture: a PNG of 16 bits; the car is instance 7."""
+    types = label_image(camera, seconds)
+    label = types * np.uint16(DIVISOR) + np.uint16(7) * (types == CAR_TYPE)
+    return bytes(cv2.imencode(".png", label)[1].tobytes())
 
 
 def inclinations(laser: int) -> np.ndarray:

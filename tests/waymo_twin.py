@@ -20,8 +20,10 @@ from waymo_street import (
     CAMERAS,
     CAR_LWH,
     DISTORTION,
+    DIVISOR,
     DRIFT,
     FRAMES,
+    LABELLED,
     LASERS,
     NAME,
     NO_LABEL_ZONE,
@@ -33,6 +35,7 @@ from waymo_street import (
     ego,
     jpeg,
     mounted,
+    panoptic_png,
     sweep,
 )
 
@@ -45,7 +48,10 @@ CameraCalibration: name=1i intrinsic=2*d extrinsic=3:Transform width=4i height=5
 LaserCalibration: name=1i beam_inclinations=2*d beam_inclination_min=3d beam_inclination_max=4d extrinsic=5:Transform
 Stats: time_of_day=2s location=3s weather=4s
 Context: name=1s camera_calibrations=2*:CameraCalibration laser_calibrations=3*:LaserCalibration stats=4:Stats
+InstanceIDs: local_instance_id=1i global_instance_id=2i is_tracked=3i
+Segmentation: panoptic_label_divisor=1i panoptic_label=2b instance_ids=3*:InstanceIDs sequence_id=4s num_cameras=5b
 CameraImage: name=1i image=2b pose=3:Transform pose_timestamp=5d shutter=6d camera_trigger_time=7d
+CameraImage: camera_segmentation_label=10:Segmentation
 RangeImage: range_image_compressed=2b camera_projection_compressed=3b range_image_pose_compressed=4b
 Laser: name=1i ri_return1=2:RangeImage ri_return2=3:RangeImage
 Box: center_x=1d center_y=2d center_z=3d width=4d length=5d height=6d heading=7d
@@ -145,6 +151,8 @@ class Records:
             taken = seconds + delay
             image = frame.images.add(name=number, image=jpeg(number, taken), pose_timestamp=START_US * 1e-6 + taken)
             image.pose.CopyFrom(self.drifted(ego(taken)))
+            if (index, number) in LABELLED:
+                image.camera_segmentation_label.CopyFrom(self.segmentation(number, taken))
         count = 0
         for number in LASERS:
             first, second, poses, hit = sweep(number, seconds)
@@ -165,6 +173,13 @@ class Records:
         if index == 0:
             frame.map_features.extend(self.features())
         return frame
+
+    def segmentation(self, camera: int, seconds: float) -> Any:
+        """A CameraSegmentationLabel."""
+        label = self.make["Segmentation"](panoptic_label_divisor=DIVISOR, sequence_id="sequence")
+        label.panoptic_label = panoptic_png(camera, seconds)
+        label.instance_ids.add(local_instance_id=7, global_instance_id=3, is_tracked=1)
+        return label
 
     def matrix(self, values: np.ndarray) -> bytes:
         """A compressed MatrixFloat."""
@@ -292,6 +307,25 @@ def write_components(folder: Path, frames: int = FRAMES, name: str = NAME, group
     ]
     types = {f"{head}.image": pa.binary(), f"{head}.pose.transform": pose16, f"{head}.pose_timestamp": pa.float64()}
     write("camera_image", rows, types)
+
+    head = "[CameraSegmentationLabelComponent]"
+    rows = [
+        at(
+            i,
+            **{
+                "key.camera_name": number,
+                f"{head}.panoptic_label_divisor": DIVISOR,
+                f"{head}.panoptic_label": panoptic_png(number, 0.1 * i + CAMERAS[number][2]),
+                f"{head}.instance_id_to_global_id_mapping.local_instance_ids": [7],
+                f"{head}.sequence_id": "sequence",
+            },
+        )
+        for i, number in sorted(LABELLED)
+        if i < frames
+    ]
+    types = {f"{head}.panoptic_label_divisor": pa.int32(), f"{head}.panoptic_label": pa.binary()}
+    types |= {f"{head}.instance_id_to_global_id_mapping.local_instance_ids": pa.list_(pa.int32())}
+    write("camera_segmentation", rows, types | {f"{head}.sequence_id": pa.string()})
 
     swept = {(i, number): sweep(number, 0.1 * i) for i in range(frames) for number in LASERS}
     first, second = (f"[LiDARComponent].range_image_return{i}" for i in (1, 2))

@@ -4,7 +4,15 @@ All files that users name are opened here. A path is a `pathlib.Path`, or, for a
 methods; `path_of` makes either from text.
 """
 
-from appocc.files.images import decoded_image, open_picture, read_image, read_images, read_picture_bytes, write_image
+from appocc.files.images import (
+    decoded_image,
+    decoded_labels,
+    open_picture,
+    read_image,
+    read_images,
+    read_picture_bytes,
+    write_image,
+)
 from appocc.files.local_copies import local_copy
 from appocc.files.names import inside, plain_name, stays_inside
 from appocc.files.reading import (
@@ -28,6 +36,7 @@ __all__ = [
     "RemotePath",
     "StoreError",
     "decoded_image",
+    "decoded_labels",
     "digest_of",
     "inside",
     "local_copy",

@@ -7,10 +7,11 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 from appocc.checks import ByteArray
@@ -65,20 +66,44 @@ def decoded_image(path: PathLike, data: bytes, size_px: tuple[int, int] | None =
         DataError: if it is truncated or not an image, or has another size.
     """
     _check_end(path, data)
-    try:
-        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB) if _is_picture(data) else None
-    except cv2.error:
-        decoded = None
+    decoded = _decoded(data, cv2.IMREAD_COLOR_RGB)
     if decoded is None:
         raise DataError(f"{path}: not a readable image ({len(data)} bytes), expected JPEG or PNG")
     image: ByteArray = np.asarray(decoded, dtype=np.uint8)
     if is_jpeg(data) and is_cut(data, image):
         raise DataError(f"{path}: the image is truncated (its end mark comes too early)")
+    _check_size(path, image, size_px)
+    return image
+
+
+def decoded_labels(path: PathLike, data: bytes, size_px: tuple[int, int]) -> NDArray[np.uint16]:
+    """Decode the bytes of a grey PNG of 16 bits as (H, W) uint16 labels; `path` names it in messages.
+
+    Raises:
+        DataError: if it is truncated, damaged or another image, or has another size (width, height).
+    """
+    decoded = _decoded(data, cv2.IMREAD_UNCHANGED)
+    if decoded is None:
+        raise DataError(f"{path}: not a readable image ({len(data)} bytes), expected PNG")
+    if decoded.dtype != np.uint16 or decoded.ndim != 2:
+        raise DataError(f"{path}: expected a grey image of 16 bits, got {decoded.dtype} of shape {decoded.shape}")
+    _check_size(path, decoded, size_px)
+    return decoded
+
+
+def _check_size(path: PathLike, image: NDArray[Any], size_px: tuple[int, int] | None) -> None:
     height, width = image.shape[:2]
     if size_px is not None and size_px != (width, height):
         expected = f"{size_px[0]}x{size_px[1]}"
         raise DataError(f"{path}: expected {expected} pixels, as its table says, got {width}x{height}")
-    return image
+
+
+def _decoded(data: bytes, flags: int) -> NDArray[Any] | None:
+    """Return the pixels of an image in a supported format as OpenCV's `flags` ask; None if it is damaged."""
+    try:
+        return cv2.imdecode(np.frombuffer(data, np.uint8), flags) if _is_picture(data) else None
+    except cv2.error:
+        return None
 
 
 def read_picture_bytes(path: PathLike) -> bytes:

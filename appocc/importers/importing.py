@@ -21,6 +21,8 @@ from appocc.jpeg import is_jpeg
 from appocc.nuscenes.assembly import Assembly, resolved
 from appocc.nuscenes.dataset import LIDAR
 from appocc.nuscenes.lidar import write_lidar
+from appocc.nuscenes.view_reduction import reduce_classes
+from appocc.nuscenes.view_targets import UNKNOWN_KIND, ViewTargets, save_view_targets, view_targets_path
 from appocc.nuscenes.writer import Annotation, Writer, token_of
 from appocc.rigs import SourceRig
 from appocc.version import __version__
@@ -42,8 +44,10 @@ class Summary:
         images: number of images.
         sweeps: number of LiDAR sweeps.
         boxes: number of annotated boxes.
-        missing: camera or LiDAR -> number of key frames in which it is missing.
-        damaged: first reasons of unreadable images and sweeps.
+        pixel_classes: number of images with pixel classes.
+        missing: camera, LiDAR or pixel classes of a camera -> number of key frames in which it is missing; pixel
+            classes are missing where they are damaged.
+        damaged: first reasons of unreadable images, sweeps and pixel classes.
         notes: further lines for people.
     """
 
@@ -52,6 +56,7 @@ class Summary:
     images: int = 0
     sweeps: int = 0
     boxes: int = 0
+    pixel_classes: int = 0
     missing: Counter[str] = field(default_factory=Counter)
     damaged: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -63,7 +68,7 @@ class Summary:
     def add(self, other: Mapping[str, Any]) -> None:
         """Add the counts of another summary, as JSON values."""
         self.scenes += other["scenes"]
-        for name in ("samples", "images", "sweeps", "boxes"):
+        for name in ("samples", "images", "sweeps", "boxes", "pixel_classes"):
             setattr(self, name, getattr(self, name) + other[name])
         self.missing.update(other["missing"])
         self.damaged += other["damaged"][: max(0, _DAMAGED - len(self.damaged))]
@@ -174,8 +179,13 @@ class _LogWriter:
         self._writer.add("sample", sample, timestamp=frame.time_us, scene_token=self._scene, prev="", next="")
         seen = {image.camera for image in frame.images}
         self._summary.missing.update(name for name in self._rig.names if name not in seen)
+        views: dict[str, ViewTargets] = {}
         for image in frame.images:
-            self._add_image(sample, image)
+            if self._add_image(sample, image):
+                views |= self._pixel_classes(image)
+        if views:
+            save_view_targets(view_targets_path(self._writer.root, sample), views)
+            self._summary.pixel_classes += len(views)
         points_world = self._add_sweep(sample, frame)
         for box in frame.boxes:
             counted = box if points_world is None else _counted(box, points_world)
@@ -185,14 +195,14 @@ class _LogWriter:
             frame.more(self._writer, sample)
         return sample
 
-    def _add_image(self, sample: str, image: Image) -> None:
-        """Write the images that are cut out of a picture; a damaged one is counted as missing."""
+    def _add_image(self, sample: str, image: Image) -> bool:
+        """Write the images that are cut out of a picture and return True; a damaged one is counted as missing."""
         try:
             data = image.read()
             picture = decoded_image(f"{self._log.name}, {image.camera}", data)
         except DataError as error:
             self._miss(image.camera, error)
-            return
+            return False
         if (scaled := self._rig.scaling(image.camera, picture.shape[1], picture.shape[0])) is not None:
             self._summary.notes += [scaled] if scaled not in self._summary.notes else []
         for channel, view in self._rig.rectify({image.camera: picture}).items():
@@ -208,6 +218,17 @@ class _LogWriter:
                 (view.shape[1], view.shape[0]),
             )
             self._summary.images += 1
+        return True
+
+    def _pixel_classes(self, image: Image) -> dict[str, ViewTargets]:
+        """Return the pixel classes of the images that are cut out of a picture; damaged ones count as missing."""
+        try:
+            kinds = image.kinds()
+        except DataError as error:
+            self._miss(f"{image.camera} pixel classes", error)
+            return {}
+        cut = {} if kinds is None else self._rig.rectify_classes(image.camera, kinds, UNKNOWN_KIND)
+        return {channel: reduce_classes(classes) for channel, classes in cut.items()}
 
     def _add_sweep(self, sample: str, frame: Frame) -> FloatArray | None:
         """Write a sweep; return its places (N, 3) in the world frame, None if it is missing."""

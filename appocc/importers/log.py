@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from appocc.checks import FloatArray, IntArray
+from appocc.checks import ByteArray, FloatArray, IntArray
 from appocc.nuscenes.writer import Annotation, Writer
 from appocc.rigs import SourceRig
 
@@ -22,12 +22,15 @@ class Image:
         time_us: time of exposure, microseconds since 1970.
         world_from_ego: (4, 4) pose of the ego vehicle at this time.
         read: returns the JPEG or PNG file's bytes; raises DataError if they are missing.
+        kinds: returns the (H, W) uint8 `ViewClass` of each pixel, as large as the rig says, `UNKNOWN_KIND` where not
+            labelled, or None if the image has no labels; raises DataError if they are damaged.
     """
 
     camera: str
     time_us: int
     world_from_ego: FloatArray
     read: Callable[[], bytes]
+    kinds: Callable[[], ByteArray | None] = lambda: None
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,14 @@ def reduce_view(depth_m: Float32Array, kind: ByteArray, factor: int = BLOCK_PX) 
         return ViewTargets(depth.astype(np.float16), common)
 
 
+def reduce_classes(kind: ByteArray) -> ViewTargets:
+    """Reduce each block of 8 x 8 pixels of (H, W) uint8 classes to the most frequent one; depth is unknown.
+
+    Pixels that are not labelled count as a class. Among equally frequent classes the first one wins.
+    """
+    return ViewTargets(None, _reduce(np.zeros(kind.shape, np.float32), kind, BLOCK_PX)[1])
+
+
 @numba.njit(cache=True, nogil=True)
 def _reduce(depth: Float32Array, kind: ByteArray, factor: int) -> tuple[Float32Array, ByteArray]:
     """Return the median depth of the most frequent class of each block, and that class."""

@@ -55,6 +55,14 @@ class View:
         cut = cv2.remap(image, self.places[0], self.places[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(cut, np.uint8)
 
+    def cut_classes(self, classes: ByteArray, outside: int) -> ByteArray:
+        """Return the pixel classes of the pinhole camera, (H, W) uint8, each that of the nearest source pixel."""
+        if self.places is None:
+            return classes
+        u, v = self.places
+        cut = cv2.remap(classes, u, v, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=(outside,) * 4)
+        return np.asarray(cut, np.uint8)
+
 
 @dataclass(frozen=True, eq=False)
 class SourceRig:
@@ -139,6 +147,23 @@ class SourceRig:
         """
         fitted = {name: self._fitted(name, image) for name, image in images.items()}
         return {view.camera.channel: view.cut(fitted[view.source]) for view in self.views if view.source in fitted}
+
+    def rectify_classes(self, name: str, classes: ByteArray, outside: int) -> dict[str, ByteArray]:
+        """Return the pixel classes of the pinhole cameras of a source camera, (H, W) uint8 by channel.
+
+        Args:
+            name: source camera.
+            classes: (H, W) uint8 class of each pixel of its picture.
+            outside: class of what the source camera does not see.
+
+        Raises:
+            NotFoundError: if the rig has no such source camera.
+            ShapeError: if the classes have another size than the rig says; they are not scaled.
+        """
+        width, height = self._size(name)
+        check_shape(f"pixel classes of {name}", classes, (height, width))
+        views = (view for view in self.views if view.source == name)
+        return {view.camera.channel: view.cut_classes(classes, outside) for view in views}
 
     def _fitted(self, name: str, image: ByteArray) -> ByteArray:
         check_shape(f"image {name}", image, (None, None, 3))

@@ -17,10 +17,11 @@ from appocc.checks import IntArray
 from appocc.errors import DataError
 from appocc.models.memory import Past, ground_motion, is_linked
 from appocc.models.model_spec import ModelSpec
+from appocc.nuscenes.view_targets import UNKNOWN_KIND
 from appocc.training.augment import Augmentation, augment
 from appocc.training.batch import Batch, Truth
 from appocc.training.packed_dataset import PackedDataset
-from appocc.training.reading import APPEARANCE_BIT, UNKNOWN_KIND, PackedSample, crop
+from appocc.training.reading import APPEARANCE_BIT, PackedSample, crop
 
 NO_AUGMENTATION = Augmentation()
 _ORDER, _AUGMENT = 0, 1  # streams of random numbers

@@ -120,7 +120,7 @@ class LossConfig(_Section):
         colour: weight of the L1 colour loss, colours 0..1.
         vehicles: weight of vehicle cells in the colour loss.
         depth: weight of the auxiliary depth loss.
-        kind: weight of the auxiliary pixel-class loss.
+        kind: weight of the auxiliary pixel-class loss; images without pixel classes add nothing.
         centre: weight of the object centres.
         box: weight of the boxes of objects.
         paint: weight of the paint of vehicles.

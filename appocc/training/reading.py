@@ -23,10 +23,9 @@ from appocc.models.model_spec import ModelSpec
 from appocc.nuscenes.dataset import LIDAR, Dataset
 from appocc.nuscenes.lidar import read_lidar
 from appocc.nuscenes.records import Sample
-from appocc.nuscenes.view_targets import BLOCK_PX, ViewTargets, load_view_targets, view_targets_path
+from appocc.nuscenes.view_targets import BLOCK_PX, UNKNOWN_KIND, ViewTargets, load_view_targets, view_targets_path
 from appocc.training.packed_objects import COLUMNS, MAX_OBJECTS, pack_objects
 
-UNKNOWN_KIND = 255
 APPEARANCE_BIT = 3
 
 Depths = NDArray[np.float16]
@@ -199,9 +198,9 @@ def read_sample(files: SampleFiles, root: Path, source: str, setting: ModelSpec,
     sample.kind[:] = UNKNOWN_KIND
     sample.intrinsic[:], sample.ego_from_cam[:] = np.eye(3), np.eye(4)
     path = view_targets_path(root, files.token)
-    targets = load_view_targets(path) if path.is_file() else None
+    targets = load_view_targets(path) if path.is_file() else {}
     points = None
-    if targets is None and files.lidar is not None:
+    if files.lidar is not None and all(view.depth_m is None for view in targets.values()):
         points = apply(files.lidar[1], read_lidar(files.lidar[0])[:, :3])
     for n, channel in enumerate(files.channels):
         if channel not in files.images:
@@ -210,9 +209,9 @@ def read_sample(files: SampleFiles, root: Path, source: str, setting: ModelSpec,
         image = read_image(image_path, (camera.width_px, camera.height_px))
         sample.images[n], own = fit_image(image, camera, setting)
         sample.alive[n], sample.intrinsic[n], sample.ego_from_cam[n] = True, own.intrinsic, own.ego_from_cam
-        if targets is not None and channel in targets:
+        if channel in targets:
             sample.depth_m[n], sample.kind[n] = _fit_view_targets(targets[channel], camera, own)
-        elif points is not None:
+        if points is not None:
             sample.depth_m[n] = _nearest_depths(points, own)
     bev = load_map(root, source, files.token)
     _check_grid(bev, grid, setting, bev_path(root, source, files.token))
@@ -241,7 +240,8 @@ def _check_grid(bev: BEVMap, grid: BEVGrid, setting: ModelSpec, path: Path) -> N
 def _fit_view_targets(targets: ViewTargets, original: Camera, fitted_camera: Camera) -> tuple[Depths, ByteArray]:
     """Return depth and class of each block of 8 x 8 pixels of the fitted image.
 
-    A block takes the targets of the original image at its centre; blocks outside the original image are unknown.
+    A block takes the targets of the original image at its centre; blocks outside the original image, and depths that
+    the targets lack, are unknown.
     """
     rows, columns = _view_size(fitted_camera)
     scale = original.intrinsic[[0, 1], [0, 1]] / fitted_camera.intrinsic[[0, 1], [0, 1]]
@@ -253,7 +253,8 @@ def _fit_view_targets(targets: ViewTargets, original: Camera, fitted_camera: Cam
     inside = ((i >= 0) & (i < high))[:, None] & ((j >= 0) & (j < wide))
     block = np.ix_(i.clip(0, high - 1), j.clip(0, wide - 1))
     with np.errstate(over="ignore"):
-        depth = np.where(inside, targets.depth_m[block], 0).astype(np.float16)
+        known = np.zeros(inside.shape) if targets.depth_m is None else targets.depth_m[block]
+        depth = np.where(inside, known, 0).astype(np.float16)
     return depth, np.where(inside, targets.kind[block], np.uint8(UNKNOWN_KIND))
 
 

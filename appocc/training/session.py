@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from typing import Any
 
@@ -19,7 +19,7 @@ from appocc.models import registry
 from appocc.models.model_spec import MODEL_SPECS, ModelSpec, Parts
 from appocc.models.shipped import PACKAGED, find_weights
 from appocc.models.weights import load_weights_into, save_weights
-from appocc.nuscenes.view_targets import ViewClass
+from appocc.nuscenes.view_targets import UNKNOWN_KIND, ViewClass
 from appocc.training.augment import Augmentation
 from appocc.training.batch_loader import BatchLoader
 from appocc.training.config import AugmentConfig, Config
@@ -75,6 +75,8 @@ def prepare_training(config: Config, processes: ProcessGroup, monitor: TrainingM
     else:
         val_data = [_packed_dataset(config.data.val, config, processes, monitor)]
     check_classes(train_data, config)
+    if processes.is_main:
+        tell_missing_classes(train_data, config, monitor.on_message)
     batch, seed, clip = config.train.batch, config.train.seed, config.data.clip
     rank, size = processes.rank, processes.size
     train_loader = BatchLoader(train_data, batch, seed, _augmentation(config.augment), rank, size, clip)
@@ -114,6 +116,14 @@ def check_classes(packed: Sequence[PackedDataset], config: Config) -> None:
         f"{roots}: expected cells of every class in bev/{config.data.source}, got none of {names} in "
         f"{sum(map(len, packed))} samples; a weight of 0 in losses.classes ignores a class"
     )
+
+
+def tell_missing_classes(packed: Sequence[PackedDataset], config: Config, on_message: Callable[[str], None]) -> None:
+    """Tell in a message if `losses.kind` asks for pixel classes and no training image has any."""
+    samples = (each.sample(number) for each in packed for number in range(len(each)))
+    if config.losses.kind and not any((sample.kind[sample.alive] != UNKNOWN_KIND).any() for sample in samples):
+        roots = ", ".join(config.data.train_roots)
+        on_message(f"losses.kind: no training image of {roots} has pixel classes (views/): it teaches nothing")
 
 
 def _packed_dataset(root: str, config: Config, processes: ProcessGroup, monitor: TrainingMonitor) -> PackedDataset:

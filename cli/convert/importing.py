@@ -73,7 +73,8 @@ def report(summary: Summary, out: Path, as_json: bool) -> None:
         say(f"{sensor}: missing in {count} of {summary.samples} key frames")
     for line in (*summary.damaged, *summary.notes):
         say(line)
+    classes = f", {summary.pixel_classes} images with pixel classes" if summary.pixel_classes else ""
     say(
         f"{out}: {summary.samples} key frames, {summary.images} images, {summary.sweeps} LiDAR sweeps, "
-        f"{summary.boxes} boxes of {len(summary.scenes)} scene{'s' if len(summary.scenes) != 1 else ''}"
+        f"{summary.boxes} boxes of {len(summary.scenes)} scene{'s' if len(summary.scenes) != 1 else ''}{classes}"
     )

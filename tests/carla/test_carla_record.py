@@ -157,6 +157,7 @@ def test_depth_and_classes_of_the_cameras(drive: Dataset) -> None:
     views = load_view_targets(view_targets_path(drive.root, sample.token))
     assert set(views) == {"CAM_FRONT", "CAM_FRONT_LEFT"}
     front = views["CAM_FRONT"]
+    assert front.depth_m is not None
     assert front.kind.shape == (8, 15)
     assert front.kind[0, 2] == ViewClass.SKY
     assert np.isinf(front.depth_m[0, 2])

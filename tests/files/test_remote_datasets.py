@@ -13,9 +13,11 @@ from s3_server import S3Server
 from tiny_dataset import TinyDataset, token
 
 from appocc import Dataset, load_map
+from appocc.doctor import contents_of
 from appocc.files import write_image
 from appocc.inference.inputs import dataset_inputs
 from appocc.inference.run import InferenceRun, InferenceSummary
+from appocc.nuscenes.view_targets import ViewTargets, save_view_targets, view_targets_path
 from appocc.visualization.predictions import prediction_figure
 from appocc.visualization.vehicle_marks import VehicleMarks
 
@@ -101,3 +103,12 @@ def test_commands_answer_for_a_bucket_as_for_a_folder(
     assert {name: remote[name] for name in made if "report" not in name} == {
         name: local[name] for name in made if "report" not in name
     }
+
+
+def test_pixel_classes_are_counted_on_a_disk_and_not_in_a_bucket(s3: S3Server, tiny: TinyDataset) -> None:
+    view = ViewTargets(None, np.zeros((3, 4), np.uint8))
+    path = view_targets_path(tiny.root, token("sample", 0))
+    save_view_targets(path, {"CAM_FRONT": view, "CAM_BACK": view})
+    view_targets_path(tiny.root, token("sample", 1)).write_bytes(b"damaged")
+    assert contents_of(Dataset(tiny.root)).pixel_classes == 2
+    assert contents_of(Dataset(s3.put(tiny.root, "data"))).pixel_classes is None

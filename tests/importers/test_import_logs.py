@@ -19,6 +19,7 @@ from appocc.lenses import DistortedLens
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.maps import mask_window
 from appocc.nuscenes.validate import validate
+from appocc.nuscenes.view_targets import ViewClass, load_view_targets, view_targets_path
 from appocc.nuscenes.writer import Annotation, Writer
 from appocc.rigs import SourceRig
 from appocc.rigs.cutting import cut_views
@@ -59,7 +60,10 @@ class MadeLog:
                 raise KeyboardInterrupt
             time_us = 1_600_000_000_000_000 + index * 500_000
             pose = transform(np.eye(3), [2.5 * index, 0, 0])
-            images = tuple(Image(name, time_us, pose, partial(self._jpeg, name)) for name in ("front", "wide"))
+            images = tuple(
+                Image(name, time_us, pose, partial(self._jpeg, name), partial(self._kinds, index))
+                for name in ("front", "wide")
+            )
             box = Annotation(
                 instance="car-1",
                 category="vehicle.car",
@@ -74,6 +78,12 @@ class MadeLog:
 
     def notes(self) -> tuple[str, ...]:
         return ("no map",)
+
+    def _kinds(self, index: int) -> np.ndarray | None:
+        """Sky, and terrain in the right half; of the second frame alone."""
+        kinds = np.zeros(SIZE[::-1], np.uint8)
+        kinds[:, SIZE[0] // 2 :] = ViewClass.TERRAIN
+        return kinds if index == 1 else None
 
     def _jpeg(self, name: str) -> bytes:
         data = cv2.imencode(".jpg", np.full((SIZE[1], SIZE[0], 3), 90, np.uint8))[1].tobytes()
@@ -93,10 +103,15 @@ def test_logs_become_a_valid_dataset(tmp_path: Path) -> None:
     summary = imported(tmp_path / "out", MadeLog(), MadeLog("log-b"))
     assert (summary.samples, summary.images, summary.sweeps, summary.boxes) == (6, 12, 6, 6)
     assert summary.notes == ["no map"]
+    assert summary.pixel_classes == 4
     dataset = Dataset(tmp_path / "out")
     assert [scene.name for scene in dataset.scenes] == ["log-a", "log-b"]
     frame = dataset.frame(dataset.samples(dataset.scenes[1])[2])
     assert set(frame.images) == {"CAM_FRONT", "CAM_WIDE"}
+    assert len(list((dataset.root / "views").iterdir())) == 2
+    views = load_view_targets(view_targets_path(dataset.root, dataset.samples(dataset.scenes[1])[1].token))
+    assert views["CAM_FRONT"].kind.tolist() == [[0, 0, 0, 0, 4, 4, 4, 4]] * 6
+    assert set(np.unique(views["CAM_WIDE"].kind)) == {0, 4}
     assert not validate(dataset)
 
 

@@ -48,6 +48,30 @@ def test_every_pixel_of_a_view_shows_what_lies_in_its_direction(tmp_path: Path, 
         assert np.abs(image.reshape(-1, 3) - coloured(rays)).max() <= 2
 
 
+@pytest.mark.parametrize("lens", [DISTORTED, FISHEYE])
+def test_pixel_classes_are_those_of_the_nearest_pixels_of_the_picture(tmp_path: Path, lens: str) -> None:
+    rig = read_one(tmp_path, lens, AHEAD)
+    (camera,) = rig.cameras
+    classes = np.random.default_rng(0).integers(0, 9, (camera.height_px, camera.width_px)).astype(np.uint8)
+    cut = rig.rectify_classes(camera.name, classes, 255)
+    assert tuple(cut) == rig.rig.channels
+    for view in rig.views:
+        assert view.places is not None
+        u, v = (np.rint(places).astype(int) for places in view.places)
+        inside = (u >= 0) & (u < camera.width_px) & (v >= 0) & (v < camera.height_px)
+        expected = np.where(inside, classes[v.clip(0, camera.height_px - 1), u.clip(0, camera.width_px - 1)], 255)
+        # Places halfway between two pixels may take either.
+        assert (cut[view.camera.channel] == expected).mean() > 0.999
+
+
+def test_pixel_classes_of_another_size_are_refused(tmp_path: Path) -> None:
+    rig = read_one(tmp_path, PINHOLE, AHEAD)
+    classes = np.zeros((180, 320), np.uint8)
+    assert rig.rectify_classes("front", classes, 255)["CAM_FRONT"] is classes
+    with pytest.raises(ShapeError, match="pixel classes of front"):
+        rig.rectify_classes("front", classes[:90, :160], 255)
+
+
 def test_pinholes_are_taken_as_they_are(tmp_path: Path) -> None:
     rig = read_one(tmp_path, PINHOLE, AHEAD)
     assert rig.is_pinhole

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -18,11 +18,13 @@ from appocc.importers.waymo.roads import Roads
 from appocc.importers.waymo.segment import (
     Label,
     Laser,
+    PanopticLabel,
     Picture,
     RangeImage,
     WaymoCamera,
     WaymoFrame,
     microseconds,
+    no_label,
     pose_of,
 )
 
@@ -42,6 +44,8 @@ _BEAMS = tuple(f"[LiDARCalibrationComponent].beam_inclination.{name}" for name i
 _BEAM_VALUES = "[LiDARCalibrationComponent].beam_inclination.values"
 _IMAGE = "[CameraImageComponent].image"
 _IMAGE_POSE = ("[CameraImageComponent].pose.transform", "[CameraImageComponent].pose_timestamp")
+_PANOPTIC = "[CameraSegmentationLabelComponent].panoptic_label"
+_DIVISOR = f"{_PANOPTIC}_divisor"
 _RETURNS = ("[LiDARComponent].range_image_return1", "[LiDARComponent].range_image_return2")
 _PIXEL_POSES = "[LiDARPoseComponent].range_image_return1"
 _BOX = tuple(
@@ -55,6 +59,7 @@ _SPEED = ("[LiDARBoxComponent].speed.x", "[LiDARBoxComponent].speed.y")
 _STATS = tuple(f"[StatsComponent].{name}" for name in ("location", "time_of_day", "weather"))
 _LACKS = {
     "camera_image": "no pictures",
+    "camera_segmentation": "no pixel classes",
     "lidar": "no LiDAR",
     "lidar_pose": "points of the upper LiDAR are not compensated for the motion during a sweep",
     "lidar_box": "no boxes",
@@ -174,6 +179,11 @@ class ComponentSegment:
         return read_parquet(self._path("camera_image"), (_TIME, _CAMERA, *_IMAGE_POSE))
 
     @cached_property
+    def _panoptic_labels(self) -> Columns:
+        """Times, cameras and divisors of the panoptic labels, few rows: most pictures have none."""
+        return read_parquet(self._path("camera_segmentation"), (_TIME, _CAMERA), (_DIVISOR,))
+
+    @cached_property
     def _keys(self) -> dict[str, Columns]:
         """Times and names of the rows of the LiDARs' components."""
         names = [name for name in ("lidar", "lidar_pose") if self._has(name)]
@@ -181,7 +191,7 @@ class ComponentSegment:
 
     def _frame(self, index: int, rows: Mapping[str, Rows]) -> WaymoFrame:
         time_us, pose = int(self._poses[0][index]), self._poses[1][index]
-        pictures = self._pictures(time_us, rows["camera_image"]) if "camera_image" in rows else ()
+        pictures = self._pictures(time_us, rows) if "camera_image" in rows else ()
         swept = "lidar" in rows and (self._keys["lidar"][_TIME] == time_us).any()
         return WaymoFrame(
             time_us=time_us,
@@ -193,18 +203,30 @@ class ComponentSegment:
             returns=partial(self._range_images, time_us, rows) if swept else None,
         )
 
-    def _pictures(self, time_us: int, rows: Rows) -> tuple[Picture, ...]:
+    def _pictures(self, time_us: int, rows: Mapping[str, Rows]) -> tuple[Picture, ...]:
         path, table = self._path("camera_image"), self._images
+        labels = self._panoptics(time_us, rows.get("camera_segmentation"))
         pose, moment = _IMAGE_POSE
         return tuple(
             Picture(
                 camera=int(table[_CAMERA][row]),
                 time_us=microseconds(path, "pose_timestamp", float(table[moment][row])),
                 world_from_ego=pose_of(path, "pose", table[pose][row]),
-                read=partial(_bytes, rows, row),
+                read=partial(rows["camera_image"].bytes, row, _IMAGE),
+                panoptic=labels.get(int(table[_CAMERA][row]), no_label),
             )
             for row in np.flatnonzero(table[_TIME] == time_us).tolist()
         )
+
+    def _panoptics(self, time_us: int, rows: Rows | None) -> dict[int, Callable[[], PanopticLabel]]:
+        """Return what reads the panoptic labels of a frame, by camera."""
+        if rows is None:
+            return {}
+        table, divisors = self._panoptic_labels, self._panoptic_labels[_DIVISOR]
+        return {
+            int(table[_CAMERA][row]): partial(_panoptic, rows, row, int(np.nan_to_num(divisors[row])))
+            for row in np.flatnonzero(table[_TIME] == time_us).tolist()
+        }
 
     def _range_images(self, time_us: int, rows: Mapping[str, Rows]) -> list[RangeImage]:
         poses = {}
@@ -243,10 +265,11 @@ class ComponentSegment:
 # Components whose rows are too large to be in memory together.
 _STREAMS = {
     "camera_image": (_IMAGE,),
+    "camera_segmentation": (_PANOPTIC, _DIVISOR),
     "lidar": tuple(f"{name}.{part}" for name in _RETURNS for part in ("values", "shape")),
     "lidar_pose": tuple(f"{_PIXEL_POSES}.{part}" for part in ("values", "shape")),
 }
 
 
-def _bytes(rows: Rows, row: int) -> bytes:
-    return rows.bytes(row, _IMAGE)
+def _panoptic(rows: Rows, row: int, divisor: int) -> PanopticLabel:
+    return PanopticLabel(rows.bytes(row, _PANOPTIC), divisor)

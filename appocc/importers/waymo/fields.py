@@ -79,6 +79,14 @@ class CameraImage(IntEnum):
     IMAGE = 2
     POSE = 3
     POSE_TIMESTAMP = 5
+    SEGMENTATION = 10
+
+
+class Segmentation(IntEnum):
+    """dataset.proto: CameraSegmentationLabel."""
+
+    DIVISOR = 1
+    LABEL = 2
 
 
 class Laser(IntEnum):

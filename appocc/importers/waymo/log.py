@@ -9,14 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from appocc.checks import FloatArray, IntArray
+from appocc.checks import ByteArray, FloatArray, IntArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError, ShapeError
 from appocc.geometry import apply, inverse, transform
 from appocc.importers.log import Frame, Image, Sweep, key_indices
+from appocc.importers.waymo.panoptic import kinds_of
 from appocc.importers.waymo.points import TOP, points_of
 from appocc.importers.waymo.roads import write_roads
-from appocc.importers.waymo.segment import Label, Segment, WaymoCamera, WaymoFrame
+from appocc.importers.waymo.segment import Label, Picture, Segment, WaymoCamera, WaymoFrame
 from appocc.lenses import DistortedLens
 from appocc.nuscenes.label_zones import write_no_label_zones
 from appocc.nuscenes.writer import Annotation, Writer
@@ -104,7 +105,7 @@ class WaymoLog:
         for frame in self.read().frames(self._keys):
             onto_map = transform(np.eye(3), frame.map_from_world_m)
             images = tuple(
-                Image(_CAMERAS[each.camera][0], each.time_us, onto_map @ each.world_from_ego, each.read)
+                self._image(each, onto_map @ each.world_from_ego)
                 for each in frame.pictures
                 if each.camera in _CAMERAS
             )
@@ -154,6 +155,18 @@ class WaymoLog:
             return SourceCamera(name, channel, *camera.size_px, lens, pose)
         except ShapeError as error:
             raise DataError(f"{self.source}: camera {name}: {error}") from error
+
+    def _image(self, picture: Picture, world_from_ego: FloatArray) -> Image:
+        name = _CAMERAS[picture.camera][0]
+        kinds = partial(self._kinds, f"panoptic label of {name} at {picture.time_us} us", picture)
+        return Image(name, picture.time_us, world_from_ego, picture.read, kinds)
+
+    def _kinds(self, what: str, picture: Picture) -> ByteArray | None:
+        label = picture.panoptic()
+        if not label.png:
+            return None
+        size_px = next(camera.size_px for camera in self._segment.cameras if camera.number == picture.camera)
+        return kinds_of(f"{self.source}: {what}", label, size_px)
 
     def _points(self, frame: WaymoFrame) -> FloatArray:
         """Return the points (N, 5) of all LiDARs in the frame of the upper one."""

@@ -22,6 +22,7 @@ from appocc.importers.waymo.roads import Roads
 from appocc.importers.waymo.segment import (
     Label,
     Laser,
+    PanopticLabel,
     Picture,
     RangeImage,
     WaymoCamera,
@@ -198,11 +199,17 @@ class RecordSegment:
             time_us=microseconds(self.path, "pose_timestamp", image.real(field.POSE_TIMESTAMP)),
             world_from_ego=self._pose("image pose", image.message(field.POSE)),
             read=partial(self._jpeg, image),
+            panoptic=partial(self._panoptic, image),
         )
 
     def _jpeg(self, image: Message) -> bytes:
         with self._reading("image"):
             return image.data(number.CameraImage.IMAGE)
+
+    def _panoptic(self, image: Message) -> PanopticLabel:
+        with self._reading("camera_segmentation_label"):
+            label = image.message(number.CameraImage.SEGMENTATION)
+            return PanopticLabel(label.data(number.Segmentation.LABEL), label.integer(number.Segmentation.DIVISOR))
 
     def _returns(self, frame: Message) -> list[RangeImage]:
         """Return the range images of a frame; both returns of a LiDAR have the poses of the first."""

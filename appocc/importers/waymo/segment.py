@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,14 +67,35 @@ class RangeImage:
     poses: NDArray[np.float32] | None
 
 
+class PanopticLabel(NamedTuple):
+    """A panoptic label of a picture: a PNG of class * divisor + instance, and the divisor; empty and 0 if missing."""
+
+    png: bytes
+    divisor: int
+
+
+def no_label() -> PanopticLabel:
+    """Return the panoptic label of a picture that has none."""
+    return PanopticLabel(b"", 0)
+
+
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A picture of a camera: CameraName, time and vehicle pose of its middle, and what reads its JPEG."""
+    """A picture of a camera.
+
+    Attributes:
+        camera: CameraName.
+        time_us: time of its middle.
+        world_from_ego: (4, 4) vehicle pose at this time.
+        read: reads its JPEG.
+        panoptic: reads its panoptic label.
+    """
 
     camera: int
     time_us: int
     world_from_ego: FloatArray
     read: Callable[[], bytes]
+    panoptic: Callable[[], PanopticLabel]
 
 
 @dataclass(frozen=True, eq=False)

@@ -165,6 +165,7 @@ def test_vehicles_in_the_pictures_are_in_their_boxes_under_the_cameras_of_the_sc
         views = load_view_targets(data.root / "views_full" / f"{sample.token}.npz")
         for camera in frame.rig:
             view = views[camera.channel]
+            assert view.depth_m is not None
             row, column = np.nonzero((view.kind == ViewClass.VEHICLE) & (view.depth_m < 40))
             rays = np.stack([column, row, np.ones(len(row))], axis=1) @ np.linalg.inv(camera.intrinsic).T
             points = apply(camera.ego_from_cam, np.asarray(rays * view.depth_m[row, column, None], np.float64))
