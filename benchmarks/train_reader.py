@@ -76,7 +76,7 @@ def _figures(scores: Sequence[ScoredCommand]) -> str:
     return f"core {core:.1f} % ({fields}); rejected {wrong[True]:.1f}, accepted {wrong[False]:.1f} %"
 
 
-def new_network() -> TorchReader:
+def new_network(_: int) -> TorchReader:
     """Return a network that is not trained yet."""
     return TorchReader(CHOICES, **SIZES)
 

@@ -41,10 +41,11 @@ RATE, VARIANTS = 2e-3, 3
 TURN_SIZES = SIZES | {"dropout": 0.4, "feature_dropout": 0.25}
 
 
-def new_network() -> TorchReader:
-    """Return a network that begins with what the reader of whole commands has learnt."""
+def new_network(member: int) -> TorchReader:
+    """Return a network that begins with what a member of the reader of whole commands has learnt."""
     network = TorchReader(TURN_CHOICES, **TURN_SIZES)
-    start_from(network, load_file(WEIGHTS_PATH), tuple(CHOICES))
+    weights = {name: array[member] for name, array in load_file(WEIGHTS_PATH).items() if not name.startswith("rule.")}
+    start_from(network, weights, tuple(CHOICES))
     return network
 
 

@@ -122,6 +122,11 @@ def export_weights(network: TorchReader) -> dict[str, Numbers]:
     return {name: np.ascontiguousarray(value, dtype=np.float16) for name, value in weights.items()}
 
 
+def stacked(networks: Sequence[Mapping[str, Numbers]]) -> dict[str, Numbers]:
+    """Return the weights of several networks as those of an ensemble, (M, ...) each."""
+    return {name: np.stack([one[name] for one in networks]) for name in networks[0]}
+
+
 def start_from(network: TorchReader, weights: Mapping[str, Numbers], fields: Sequence[str]) -> None:
     """Copy the weights of another network, as exported, where both have the same; `fields`: those of the other."""
     state = network.state_dict()

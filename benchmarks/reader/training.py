@@ -17,10 +17,11 @@ from torch import Tensor, nn
 
 from appocc.files import whole_file
 from benchmarks.reader.examples import Example, Sentence, preferences
-from benchmarks.reader.network import TorchReader, batch_of, export_weights
+from benchmarks.reader.network import TorchReader, batch_of, export_weights, stacked
 from grounding.language.reader.network import Numbers
 
-SEED, BATCH = 0, 32
+# Networks of an ensemble, each with its own seed.
+SEED, MEMBERS, BATCH = 0, 2, 32
 # Numbers a word, states a direction, and shares of dropped states, features, and words.
 SIZES: dict[str, Any] = {"size": 64, "hidden": 64, "dropout": 0.3, "feature_dropout": 0.15, "word_dropout": 0.1}
 _FIELD_WEIGHTS = {"status": 2.0, "direction": 0.7, "goal_side": 0.5, "landmark": 0.5, "trigger": 0.5, "act": 2.0}
@@ -31,7 +32,7 @@ class Training:
     """How the networks are trained.
 
     Attributes:
-        make: makes a new network.
+        make: makes a new network, of the given number in its ensemble.
         example_of: makes an example of a label; None for one without words.
         rate: largest learning rate.
         steps: steps of each training.
@@ -39,7 +40,7 @@ class Training:
         work: folder of the networks; those that are there are not trained again.
     """
 
-    make: Callable[[], TorchReader]
+    make: Callable[[int], TorchReader]
     example_of: Callable[[dict[str, Any]], Example | None]
     rate: float
     steps: int
@@ -47,33 +48,36 @@ class Training:
     work: Path
 
     def run(self, learnt: Sequence[Sentence], folds: Sequence[Sequence[Sentence]]) -> list[dict[str, Numbers]]:
-        """Return the weights of a network of all sentences, then of one without the speakers of each fold."""
+        """Return the weights of an ensemble of all sentences, then of one without the speakers of each fold."""
         held: list[set[str]] = [set(), *({one.speaker for one in fold} for fold in folds)]
         with ProcessPoolExecutor(self.workers, initializer=torch.set_num_threads, initargs=(1,)) as pool:
             examples = list(pool.map(self.example_of, [one.label for one in learnt], chunksize=100))
             pairs = [(example, one) for example, one in zip(examples, learnt, strict=True) if example is not None]
             parts = [[pair for pair in pairs if pair[1].speaker not in out] for out in held]
             inputs = [[[pair[0] for pair in part], [pair[1].weight for pair in part]] for part in parts]
-            paths = [self.work / f"{name}.safetensors" for name in ("all", *range(1, len(held)))]
-            list(pool.map(self._train_once, paths, *zip(*inputs, strict=True)))
-        return [load_file(path) for path in paths]
+            names = ["all", *range(1, len(held))]
+            paths = [[self.work / f"{name}_{member}.safetensors" for member in range(MEMBERS)] for name in names]
+            list(pool.map(self._train_all, paths, *zip(*inputs, strict=True)))
+        return [stacked([load_file(path) for path in members]) for members in paths]
 
-    def _train_once(self, path: Path, examples: Sequence[Example], weights: Sequence[float]) -> None:
-        """Write a network trained on examples that are drawn by their weights, unless the file is there."""
-        if path.exists():
-            return
-        torch.manual_seed(SEED)
-        network = self.make()
-        train(network, examples, np.array(weights), self.steps, self.rate)
-        with whole_file(path) as temporary:
-            save_file(export_weights(network), temporary)
+    def _train_all(self, paths: Sequence[Path], examples: Sequence[Example], weights: Sequence[float]) -> None:
+        """Write networks trained on examples that are drawn by their weights, but those that are there."""
+        for member, path in enumerate(paths):
+            if not path.exists():
+                torch.manual_seed(SEED + member)
+                network = self.make(member)
+                train(network, examples, np.array(weights), steps=self.steps, rate=self.rate, seed=SEED + member)
+                with whole_file(path) as temporary:
+                    save_file(export_weights(network), temporary)
 
 
-def train(network: TorchReader, examples: Sequence[Example], weights: Numbers, steps: int, rate: float) -> None:
+def train(
+    network: TorchReader, examples: Sequence[Example], weights: Numbers, steps: int, rate: float, seed: int
+) -> None:
     """Train a network on examples that are drawn by their weights."""
     optimiser = torch.optim.AdamW(network.parameters(), rate, weight_decay=1e-4)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, rate, total_steps=steps, pct_start=0.1)
-    drawn = np.random.default_rng(SEED).choice(len(examples), (steps, BATCH), p=weights / weights.sum())
+    drawn = np.random.default_rng(seed).choice(len(examples), (steps, BATCH), p=weights / weights.sum())
     for step, numbers in enumerate(drawn, start=1):
         chosen = [examples[i] for i in numbers]
         loss = loss_of(network(batch_of([(one.rows, one.facts) for one in chosen])), chosen)
