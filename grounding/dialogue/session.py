@@ -254,6 +254,8 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
         return look_for(talk, text, reply.rest)
     if about := _ABOUT_WORDS.get(reply.kinds[-1] if reply.kinds else ""):
         return about(talk, text, reply.rest)
+    if talk.is_opening and not talk.grounder.read(text, talk.antecedent)[0].problem:
+        return _command(talk, text, text)  # the first sentence stands alone
     reading = talk.read(reply.rest)
     if "without" in reply.kinds and reading.query.action is None:
         reading = talk.read(reply.rest.removeprefix("the "))  # "skip the stop"
