@@ -9,7 +9,7 @@ from grounding.answer import Answer
 from grounding.answering import Request, without
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import find_fitting, widen
-from grounding.dialogue.fragments import complete, names_pronoun, read_description
+from grounding.dialogue.fragments import complete, describe_and_place, names_pronoun, read_description
 from grounding.dialogue.merging import merge_request
 from grounding.dialogue.reports import ask_again, cancel, inform
 from grounding.dialogue.telling import said
@@ -35,11 +35,13 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
         return None
     base = request.query
     antecedent = talk.antecedent or (None if base.referent else Referent("vehicle", "one"))
+    if both := describe_and_place(reply.rest, base, antecedent, talk.reader):
+        return _replace(talk, text, both, request)
     describes = turn is not None and turn.act == "describe" and turn.best("relation") == "none"
     # A relation in a mere description is that of a neighbour, or the grammar's mistake.
-    reading = None if describes else complete(reply.rest, base, antecedent, talk.grounder.read)
+    reading = None if describes else complete(reply.rest, base, antecedent, talk.reader)
     if reading is not None and talk.antecedent is None and names_pronoun(reading):
-        reading = complete(reply.rest, base, None, talk.grounder.read)  # "it" refers to nothing yet
+        reading = complete(reply.rest, base, None, talk.reader)  # "it" refers to nothing yet
     if turn is not None and turn.act == "place" and reading is None and (place := turn.placed(text)):
         reading = Reading(place, steps=(place,))
     placed = reading is not None and (
@@ -57,12 +59,20 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
     return None
 
 
+def _replace(talk: Conversation, text: str, reading: Reading, request: Request) -> Answer:
+    """Plan the last command with another vehicle and another place."""
+    question = talk.state.question
+    changed = merge_request(request, said(widen(reading, talk.scene), text).query)
+    fitting = find_fitting(reading, question.candidates, talk.scene) if question is not None else []
+    return talk.narrow(fitting, changed) if fitting else talk.take(talk.state.with_request(changed))
+
+
 def _answer_description(
     talk: Conversation, text: str, reply: Reply, question: Answer | None, turn: Turn | None
 ) -> Answer | None:
     """Answer the description of a vehicle: one of the candidates of a question, else any vehicle of the scene."""
     request = talk.state.request
-    reading = read_description(reply.rest, talk.antecedent, talk.grounder.read)
+    reading = read_description(reply.rest, talk.antecedent, talk.reader)
     if reading is None and turn is not None and turn.act == "describe":
         reading = described_by(turn, talk.antecedent)
     if question is not None and (others := _all_but(talk, reply.rest, question)) and request is not None:
@@ -101,7 +111,7 @@ def _all_but(talk: Conversation, words: str, question: Answer) -> list[Candidate
     """Return the candidates of a question that are left of "not the near one"; none for other words."""
     if not words.startswith("not "):
         return []
-    reading = read_description(words.removeprefix("not "), talk.antecedent, talk.grounder.read)
+    reading = read_description(words.removeprefix("not "), talk.antecedent, talk.reader)
     refused = find_fitting(reading, question.candidates, talk.scene) if reading is not None else []
     ids = {one.item.id for one in refused}
     return [one for one in question.candidates if one.item.id not in ids] if refused else []
@@ -135,7 +145,7 @@ def shift_from_named(talk: Conversation, text: str, direction: ShiftDirection, w
     preposition, _, named = words.partition(" ")
     if preposition not in ("to", "from") or talk.state.goal is None or talk.state.question is not None:
         return None
-    reading = read_description(named, talk.antecedent, talk.grounder.read)
+    reading = read_description(named, talk.antecedent, talk.reader)
     found = resolve(widen(reading, talk.scene).query, talk.scene) if reading else None
     if found is None or found.status != "ok":
         return None

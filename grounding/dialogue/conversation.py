@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from appocc.errors import AppoccError
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
 # Vehicles fit alike if their log scores differ by less, as by their places alone.
 _ALIKE = 2.5
+# Readings of words that are kept.
+_READINGS = 64
 # Plans that a conversation can go back to.
 _MAX_EARLIER = 8
 
@@ -31,6 +34,8 @@ class Conversation:
     def __init__(self, grounder: Grounder) -> None:
         """Begin without a goal and without a question."""
         self.grounder = grounder
+        # A turn is tried as several kinds of replies, which read the same words.
+        self.reader = lru_cache(maxsize=_READINGS)(grounder.read)
         self.state = Memory()
 
     # What words refer to --------------------------------------------------------------------------------------------
@@ -84,7 +89,7 @@ class Conversation:
 
     def read(self, words: str) -> Reading:
         """Return the best reading of some words."""
-        return self.grounder.read(words, self.antecedent, alone=False)[0]
+        return self.reader(words, self.antecedent, alone=False)[0]
 
     # Steps ----------------------------------------------------------------------------------------------------------
 

@@ -254,6 +254,8 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
         return look_for(talk, text, reply.rest)
     if about := _ABOUT_WORDS.get(reply.kinds[-1] if reply.kinds else ""):
         return about(talk, text, reply.rest)
+    if talk.is_opening and not talk.reader(text, talk.antecedent)[0].problem:
+        return _command(talk, text, text)  # the first sentence stands alone
     reading = talk.read(reply.rest)
     if "without" in reply.kinds and reading.query.action is None:
         reading = talk.read(reply.rest.removeprefix("the "))  # "skip the stop"
@@ -311,9 +313,9 @@ def _command(
         turn: the turn by its reader, if that takes it for a command.
     """
     state, grounder = talk.state, talk.grounder
-    readings = grounder.read(words, talk.antecedent, alone=talk.is_opening and words == text)
+    readings = talk.reader(words, talk.antecedent, alone=talk.is_opening and words == text)
     if not is_understood(readings[0]) and not names_pronoun(readings[0]):
-        alone = grounder.read(words)  # with the vote of the reader, which reads sentences that stand alone
+        alone = talk.reader(words)  # with the vote of the reader, which reads sentences that stand alone
         readings = readings if alone[0].problem else alone
     if turn is not None:
         readings = (turn.as_command(readings[0]), *readings[1:])

@@ -128,7 +128,7 @@ def _is_plain(talk: Conversation, reply: Reply, reading: Reading) -> bool:
         return reply.number is not None
     if has_verb(reading):
         return is_understood(reading)
-    base, about, read = talk.state.request, talk.antecedent, talk.grounder.read
+    base, about, read = talk.state.request, talk.antecedent, talk.reader
     described = read_description(reply.rest, about, read, whole=True)
     return base is not None and bool(described or complete(reply.rest, base.query, about, read, whole=True))
 
