@@ -188,7 +188,11 @@ def run(talk: Conversation) -> list[TurnResult]:
         if answer is None:
             results.append(TurnResult(turn, None, "no answer"))
             continue
-        wrong = judge_strangers(turn, answer, last) if "expect" in turn else judge(turn, answer, last, stage)
+        wrong = (
+            judge_strangers(turn, answer, session.goal, last)
+            if "expect" in turn
+            else judge(turn, answer, last, stage)
+        )
         results.append(TurnResult(turn, answer, wrong))
         last = answer if answer.target or answer.candidates else last
     return results
@@ -262,8 +266,11 @@ def _is_at(relation: str, vehicle: Vehicle, place_m: np.ndarray) -> bool:
     return bool(tests[relation])
 
 
-def judge_strangers(turn: Mapping[str, Any], answer: Answer, last: Answer | None) -> str:
-    """Return what is wrong with an answer to a turn of a file of records; '' if it is right."""
+def judge_strangers(turn: Mapping[str, Any], answer: Answer, goal: Answer | None, last: Answer | None) -> str:
+    """Return what is wrong with an answer to a turn of a file of records; '' if it is right.
+
+    The referent is that of the goal in force, where the answer is in words only.
+    """
     expected = turn["expect"]
     statuses = {expected["status"], *expected.get("status_alt", [])}
     given = {answer.status, "refused"} if answer.plan.refused else {answer.status}
@@ -272,7 +279,8 @@ def judge_strangers(turn: Mapping[str, Any], answer: Answer, last: Answer | None
     if answer.status != "ok" or expected["status"] != "ok":
         return ""
     wrong = []
-    referent = answer.referent.item.id if answer.referent else None
+    about = answer if answer.target is not None or goal is None else goal
+    referent = about.referent.item.id if about.referent else None
     # "candidates[1] of the previous answer"
     if rule := expected.get("referent_rule"):
         number = int(rule.split("[")[1].split("]")[0])

@@ -42,7 +42,10 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
     reading = None if describes else complete(reply.rest, base, antecedent, talk.reader)
     if reading is not None and talk.antecedent is None and names_pronoun(reading):
         reading = complete(reply.rest, base, None, talk.reader)  # "it" refers to nothing yet
-    if turn is not None and turn.act == "place" and reading is None and (place := turn.placed(text)):
+    lacks = reading is None or (turn is not None and reading.query.relation == "none" != turn.best("relation"))
+    if turn is not None and turn.act == "place" and lacks and (place := turn.placed(text)):
+        described = read_description(reply.rest, antecedent, talk.reader) if place.referent is None else None
+        place = replace(place, referent=described.query.referent) if described else place
         reading = Reading(place, steps=(place,))
     placed = reading is not None and (
         reading.query.relation != "none" or bool(base.direction and reading.query.direction)
@@ -140,7 +143,9 @@ def shift_last(talk: Conversation, text: str, shift: Shift) -> Answer:
     return talk.settle(steps, answer)
 
 
-def shift_from_named(talk: Conversation, text: str, direction: ShiftDirection, words: str) -> Answer | None:
+def shift_from_named(
+    talk: Conversation, text: str, direction: ShiftDirection, words: str, distance_m: float
+) -> Answer | None:
     """Move the goal in force with respect to a vehicle: "closer to the black one"; None if the words name none."""
     preposition, _, named = words.partition(" ")
     if preposition not in ("to", "from") or talk.state.goal is None or talk.state.question is not None:
@@ -149,7 +154,7 @@ def shift_from_named(talk: Conversation, text: str, direction: ShiftDirection, w
     found = resolve(widen(reading, talk.scene).query, talk.scene) if reading else None
     if found is None or found.status != "ok":
         return None
-    return shift_last(talk, text, Shift(direction, BIT_M, found.candidates[0].item.id))
+    return shift_last(talk, text, Shift(direction, distance_m, found.candidates[0].item.id))
 
 
 def shift_more(talk: Conversation, text: str, sign: float, distance_m: float = BIT_M) -> Answer:

@@ -86,6 +86,9 @@ def look_for(talk: Conversation, text: str, words: str, guess: Reading | None = 
         return not_understood(talk, text, talk.read(text))
     found = resolve(Query("", referent=reading.query.referent), talk.scene)
     here = found.candidates if found.status != "not_found" else ()
+    if here and not find_all(reading.query.referent, talk.scene):
+        looks = [describe_object(one.item, talk.scene) for one in here[:1]]
+        return aside(talk, text, f"nothing here is certainly '{reading.query.referent.phrase()}'", *looks)
     if found.status == "ok" and here:
         talk.state = replace(talk.state, focus=(here[0], reading.query.referent))
     if not here:

@@ -242,9 +242,9 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
         return (change_distance if named else choose_number)(talk, text, reply.number)
     if reply.distance_m is not None and reply.kinds[-1] in ("more", "less"):
         return shift_more(talk, text, 1.0 if reply.kinds[-1] == "more" else -1.0, reply.distance_m)
+    moved_m = BIT_M if reply.distance_m is None else reply.distance_m
     if reply.shift:
-        distance_m = BIT_M if reply.distance_m is None else reply.distance_m
-        return shift_last(talk, text, Shift(reply.shift, distance_m))
+        return shift_last(talk, text, Shift(reply.shift, moved_m))
     if not reply.rest:
         act = _ACTS.get(reply.kinds[-1]) if reply.kinds else None
         return act(talk, text) if act else _command(talk, text, text, turn=turn)
@@ -268,7 +268,7 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
         and state.question.plan.question
     ):
         return confirm(talk, text)
-    if reply.leading_shift and (answer := shift_from_named(talk, text, reply.leading_shift, reply.rest)):
+    if reply.leading_shift and (answer := shift_from_named(talk, text, reply.leading_shift, reply.rest, moved_m)):
         return answer
     if reply.leading_shift and reading.problem:
         if answer := answer_fragment(talk, text, reply):

@@ -29,6 +29,20 @@ _SURE_COMMAND = 0.8
 # Most words of a turn that the grammar understands and is believed about.
 _SHORT = 6
 _ORDINALS = {"first": 1, "second": 2, "third": 3, "fourth": 4, "last": -1}
+# Acts of which the grammar tells more than the network, where it understands every word.
+_ACTS_WITH_CONTENT = (
+    "command",
+    "then",
+    "drop",
+    "describe",
+    "place",
+    "shift",
+    "number",
+    "other",
+    "count",
+    "seek",
+    "room",
+)
 # Kinds of the patterns of replies that have another name as acts.
 ACTS_OF_KINDS = {"thanks": "remark", "former": "number", "latter": "number"} | dict.fromkeys(SHIFTS, "shift")
 
@@ -84,7 +98,7 @@ class Turn:
         return replace(reading, doubt="") if reading.revised and alike and qualifiers[0] == qualifiers[1] else reading
 
     def placed(self, text: str) -> Query | None:
-        """Return the partial query of the place that it names: relation, side, distance; None for none."""
+        """Return the partial query of the place and the vehicle that it names; None if it names no place."""
         relation, side = self.best("relation"), self.best("goal_side")
         if relation == side == NONE and self.distance_m is None:
             return None
@@ -93,7 +107,7 @@ class Turn:
             slots |= {"relation": relation, "landmark": "referent"}
         if self.distance_m is not None:
             slots |= {"distance_m": self.distance_m, "distance_of": "referent"}
-        return Query(text, **slots)
+        return Query(text, referent=self.described(None) if self.best("noun") != NONE else None, **slots)
 
 
 def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
@@ -105,7 +119,7 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
         reply: the turn as the patterns of replies split it.
     """
     reading = talk.read(reply.rest or text)
-    if (reply.kinds and not reply.rest) or reply.leading_shift or _is_plain(talk, reply, reading):
+    if (reply.kinds and not reply.rest) or reply.leading_shift:
         return None
     reader = default_turn_reader()
     tokens = tokenise(normalise(text), talk.grounder.lexicon)
@@ -114,9 +128,10 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
         return None
     scores = vote_on_act(prediction.choices["act"], own_act(reply, reading), reader.rule["act"])
     act = max(scores, key=scores.__getitem__)
+    plain = _is_plain(talk, reply, reading)
     finds = is_understood(reading) if act == "describe" else not reading.problem
     doubted = has_verb(reading) and finds and act not in ("command", "then")
-    if scores[act] < (_SURE_AGAINST if doubted else _SURE):
+    if scores[act] < (_SURE_AGAINST if doubted or plain else _SURE) or (plain and act in _ACTS_WITH_CONTENT):
         return None
     distance_m = named_distance(text, talk.grounder.lexicon)
     return Turn(act, scores[act], prediction, reply.number or _number(tokens), distance_m)

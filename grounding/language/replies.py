@@ -115,8 +115,9 @@ def read_reply(text: str, lexicon: Lexicon | None = None) -> Reply:
     if rest:
         distance_m, others = _without_distance(rest, lexicon)
         more, left = _split(others, lexicon)
-        if distance_m is not None and not left and more and more[-1] in (*SHIFTS, "more", "less"):
-            return Reply((*kinds, *more), "", None, distance_m)
+        to_vehicle = bool(left) and bool(more) and left[0] == _TO_VEHICLE.get(more[-1])  # "a metre closer to the van"
+        if distance_m is not None and more and (to_vehicle or (not left and more[-1] in (*SHIFTS, "more", "less"))):
+            return Reply((*kinds, *more), " ".join(left), None, distance_m)
     return Reply(kinds, " ".join(rest))
 
 

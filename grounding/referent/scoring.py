@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -145,6 +145,8 @@ def _product(word_fits: Mapping[str, FloatArray]) -> FloatArray:
 def _fit_landmark(part: Landmark, scene: SceneModel) -> dict[str, FloatArray]:
     """Return the membership (N,) in a relation to the best landmark: "in front of the truck"."""
     table, landmark = scene.table, to_referent(part)
+    if part.noun == "motorcycle" and "motorcycle" not in table.class_names:
+        landmark = replace(landmark, head="bike")  # which may be a bicycle
     membership = np.minimum(_product(fit_words(landmark, scene)), _MAX_PROBABILITY) * counting_prior(landmark, table)
     probability = ordinal_probability(landmark.qualifiers, table, membership)
     chosen = np.flatnonzero(probability >= _LEAST_LANDMARK_PROBABILITY)
