@@ -37,9 +37,9 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
     antecedent = talk.antecedent or (None if base.referent else Referent("vehicle", "one"))
     describes = turn is not None and turn.act == "describe" and turn.best("relation") == "none"
     # A relation in a mere description is that of a neighbour, or the grammar's mistake.
-    reading = None if describes else complete(reply.rest, base, antecedent, talk.grounder.read)
+    reading = None if describes else complete(reply.rest, base, antecedent, talk.readings)
     if reading is not None and talk.antecedent is None and names_pronoun(reading):
-        reading = complete(reply.rest, base, None, talk.grounder.read)  # "it" refers to nothing yet
+        reading = complete(reply.rest, base, None, talk.readings)  # "it" refers to nothing yet
     if turn is not None and turn.act == "place" and reading is None and (place := turn.placed(text)):
         reading = Reading(place, steps=(place,))
     placed = reading is not None and (
@@ -62,7 +62,7 @@ def _answer_description(
 ) -> Answer | None:
     """Answer the description of a vehicle: one of the candidates of a question, else any vehicle of the scene."""
     request = talk.state.request
-    reading = read_description(reply.rest, talk.antecedent, talk.grounder.read)
+    reading = read_description(reply.rest, talk.antecedent, talk.readings)
     if reading is None and turn is not None and turn.act == "describe":
         reading = described_by(turn, talk.antecedent)
     if question is not None and (others := _all_but(talk, reply.rest, question)) and request is not None:
@@ -101,7 +101,7 @@ def _all_but(talk: Conversation, words: str, question: Answer) -> list[Candidate
     """Return the candidates of a question that are left of "not the near one"; none for other words."""
     if not words.startswith("not "):
         return []
-    reading = read_description(words.removeprefix("not "), talk.antecedent, talk.grounder.read)
+    reading = read_description(words.removeprefix("not "), talk.antecedent, talk.readings)
     refused = find_fitting(reading, question.candidates, talk.scene) if reading is not None else []
     ids = {one.item.id for one in refused}
     return [one for one in question.candidates if one.item.id not in ids] if refused else []
@@ -135,7 +135,7 @@ def shift_from_named(talk: Conversation, text: str, direction: ShiftDirection, w
     preposition, _, named = words.partition(" ")
     if preposition not in ("to", "from") or talk.state.goal is None or talk.state.question is not None:
         return None
-    reading = read_description(named, talk.antecedent, talk.grounder.read)
+    reading = read_description(named, talk.antecedent, talk.readings)
     found = resolve(widen(reading, talk.scene).query, talk.scene) if reading else None
     if found is None or found.status != "ok":
         return None

@@ -17,7 +17,7 @@ from grounding.language.reader.turns import State, default_turn_reader
 from grounding.language.replies import SHIFTS, Reply, named_distance
 from grounding.language.syntax.tokenizer import Token, normalise, tokenise
 from grounding.query import Query, Referent
-from grounding.vocabulary import ShiftDirection
+from grounding.vocabulary import POSITIONS, ShiftDirection
 
 # Least probability of an act that is taken, and of a qualifier.
 _SURE, _LEAST_QUALIFIER = 0.5, 0.5
@@ -28,7 +28,6 @@ _SURE_AGAINST = 0.75
 _SURE_COMMAND = 0.8
 # Most words of a turn that the grammar understands and is believed about.
 _SHORT = 6
-_ORDINALS = {"first": 1, "second": 2, "third": 3, "fourth": 4, "last": -1}
 # Kinds of the patterns of replies that have another name as acts.
 ACTS_OF_KINDS = {"thanks": "remark", "former": "number", "latter": "number"} | dict.fromkeys(SHIFTS, "shift")
 
@@ -128,7 +127,7 @@ def _is_plain(talk: Conversation, reply: Reply, reading: Reading) -> bool:
         return reply.number is not None
     if has_verb(reading):
         return is_understood(reading)
-    base, about, read = talk.state.request, talk.antecedent, talk.grounder.read
+    base, about, read = talk.state.request, talk.antecedent, talk.readings
     described = read_description(reply.rest, about, read, whole=True)
     return base is not None and bool(described or complete(reply.rest, base.query, about, read, whole=True))
 
@@ -176,6 +175,6 @@ def _number(tokens: Sequence[Token]) -> int | None:
     if len(named) != 1:
         return None
     if named[0].category is WordCategory.ORDINAL:
-        return _ORDINALS.get(named[0].value)
+        return -1 if named[0].value == "last" else POSITIONS.get(named[0].value)
     value = float(named[0].value)
     return int(value) if value.is_integer() else None
