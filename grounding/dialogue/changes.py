@@ -15,7 +15,7 @@ from grounding.dialogue.reports import ask_again, cancel, inform
 from grounding.dialogue.telling import said
 from grounding.dialogue.turns import Turn
 from grounding.goal.shift import Shift
-from grounding.language import Reading
+from grounding.language import Reading, WordCategory
 from grounding.language.replies import Reply
 from grounding.query import Query, Referent
 from grounding.referent.resolver import Candidate, resolve
@@ -36,6 +36,11 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
     base = request.query
     antecedent = talk.antecedent or (None if base.referent else Referent("vehicle", "one"))
     describes = turn is not None and turn.act == "describe" and turn.best("relation") == "none"
+    if named := _read_vehicle_and_place(talk, reply.rest, base):
+        changed = merge_request(request, said(widen(named, talk.scene), text).query)
+        if state.question and (fitting := find_fitting(named, state.question.candidates, talk.scene)):
+            return talk.narrow(fitting, changed)
+        return talk.take(state.with_request(changed))
     # A relation in a mere description is that of a neighbour, or the grammar's mistake.
     reading = None if describes else complete(reply.rest, base, antecedent, talk.readings)
     if reading is not None and talk.antecedent is None and names_pronoun(reading):
@@ -88,6 +93,19 @@ def _answer_description(
     return talk.take(talk.state.with_request(described))
 
 
+def _read_vehicle_and_place(talk: Conversation, words: str, base: Query) -> Reading | None:
+    """Return the partial reading of "the green car, right in front of it"; None for other words."""
+    vehicle, _, place = words.partition(" , ")
+    described = read_description(vehicle, talk.antecedent, talk.readings, whole=True) if place else None
+    if described is None or any(token.category is WordCategory.NOT for token in described.tokens):
+        return None  # "not behind, in front" describes none
+    placed = complete(place, base, described.query.referent, talk.readings, whole=True)
+    if placed is None or placed.query.relation == "none" or not names_pronoun(placed):
+        return None
+    query = replace(placed.query, referent=described.query.referent, secondary=described.query.secondary)
+    return replace(described, query=query, steps=(query,))
+
+
 def described_by(turn: Turn | None, antecedent: Referent | None) -> Reading | None:
     """Return the partial reading of the vehicle that the reader of turns finds described; None without one."""
     referent = turn.described(antecedent) if turn is not None else None
@@ -130,16 +148,21 @@ def shift_last(talk: Conversation, text: str, shift: Shift) -> Answer:
     return talk.settle(steps, answer)
 
 
-def shift_from_named(talk: Conversation, text: str, direction: ShiftDirection, words: str) -> Answer | None:
+def shift_from_named(talk: Conversation, text: str, reply: Reply) -> Answer | None:
     """Move the goal in force with respect to a vehicle: "closer to the black one"; None if the words name none."""
-    preposition, _, named = words.partition(" ")
-    if preposition not in ("to", "from") or talk.state.goal is None or talk.state.question is not None:
+    direction, (preposition, _, named) = reply.leading_shift, reply.rest.partition(" ")
+    if (
+        direction is None
+        or preposition not in ("to", "from")
+        or talk.state.goal is None
+        or talk.state.question is not None
+    ):
         return None
     reading = read_description(named, talk.antecedent, talk.readings)
     found = resolve(widen(reading, talk.scene).query, talk.scene) if reading else None
     if found is None or found.status != "ok":
         return None
-    return shift_last(talk, text, Shift(direction, BIT_M, found.candidates[0].item.id))
+    return shift_last(talk, text, Shift(direction, reply.distance_m or BIT_M, found.candidates[0].item.id))
 
 
 def shift_more(talk: Conversation, text: str, sign: float, distance_m: float = BIT_M) -> Answer:

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from grounding.answering import Request, without
 from grounding.language import Reading
-from grounding.query import Query
+from grounding.query import Query, Referent
 from grounding.referent.resolver import Candidate, resolve
 from grounding.referent.scene import SceneModel
+from grounding.road.lane_model import LANE_M
 
 
 def find_fitting(reading: Reading, candidates: Sequence[Candidate], scene: SceneModel) -> list[Candidate]:
@@ -43,6 +46,23 @@ def widen(reading: Reading, scene: SceneModel) -> Reading:
     if found.status == "not_found" or (len(found.candidates) != 1 and found.status != "ok"):
         return reading
     return replace(reading, query=query, steps=(query,))
+
+
+def with_partner(candidate: Candidate, query: Query, scene: SceneModel) -> Candidate:
+    """Return a vehicle with the second one of "between it and the silver car": the nearest that fits, in its line."""
+    named = next((part for part in query.secondary if part.relation == "between"), None)
+    if named is None:
+        return candidate
+    second = Query("", referent=Referent(named.noun, named.noun, named.colour, named.qualifiers))
+    found = resolve(second, without(scene, frozenset({candidate.item.id})))
+    places = np.array([one.item.centre_m for one in found.candidates] or np.empty((0, 2)))
+    along, lateral = np.abs(
+        np.subtract(scene.lanes.project(places), scene.lanes.project(candidate.item.centre_m[None]))
+    )
+    along = np.where(lateral < LANE_M, along, np.inf)
+    if found.status == "not_found" or not np.isfinite(along).any():
+        return candidate
+    return replace(candidate, partner=found.candidates[int(np.argmin(along))].item)
 
 
 def is_plainly_definite(reading: Reading) -> bool:

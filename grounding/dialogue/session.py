@@ -38,7 +38,7 @@ from grounding.dialogue.choices import (
     take_other,
 )
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.descriptions import find_fitting, is_plainly_definite, widen
+from grounding.dialogue.descriptions import find_fitting, is_plainly_definite, widen, with_partner
 from grounding.dialogue.following import follow_plan, relocate
 from grounding.dialogue.fragments import has_verb, is_understood, keep_action, names_pronoun, refers_to_place
 from grounding.dialogue.merging import merge_request, names_gap_only
@@ -265,7 +265,7 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
         and state.question.plan.question
     ):
         return confirm(talk, text)
-    if reply.leading_shift and (answer := shift_from_named(talk, text, reply.leading_shift, reply.rest)):
+    if reply.leading_shift and (answer := shift_from_named(talk, text, reply)):
         return answer
     if reply.leading_shift and reading.problem:
         if answer := answer_fragment(talk, text, reply):
@@ -326,7 +326,8 @@ def _command(
         if state.question is not None and len(state.question.candidates) > 1 and not agreed:
             return ask_again(talk, text)
         if talk.meant is not None:
-            return talk.take([replace(one, chosen=talk.meant) for one in requests_of(first)], then)
+            meant = with_partner(talk.meant, first.query, talk.scene)
+            return talk.take([replace(one, chosen=meant) for one in requests_of(first)], then)
     elif (
         state.question is not None
         and first.query.referent is not None

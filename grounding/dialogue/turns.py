@@ -26,6 +26,8 @@ _LEAST = 1e-4
 _SURE_AGAINST = 0.75
 # Least probability at which a command that only the network understands is acted upon.
 _SURE_COMMAND = 0.8
+# Acts in which a number without a unit is a distance.
+_MEASURED = ("more", "less", "shift")
 # Most words of a turn that the grammar understands and is believed about.
 _SHORT = 6
 # Kinds of the patterns of replies that have another name as acts.
@@ -117,8 +119,10 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     doubted = has_verb(reading) and finds and act not in ("command", "then")
     if scores[act] < (_SURE_AGAINST if doubted else _SURE):
         return None
-    distance_m = named_distance(text, talk.grounder.lexicon)
-    return Turn(act, scores[act], prediction, reply.number or _number(tokens), distance_m)
+    number, distance_m = reply.number or _number(tokens), named_distance(text, talk.grounder.lexicon)
+    if distance_m is None and act in _MEASURED and any(one.category is WordCategory.NUMBER for one in tokens):
+        distance_m = number and float(number)  # "three more": metres
+    return Turn(act, scores[act], prediction, number, distance_m)
 
 
 def _is_plain(talk: Conversation, reply: Reply, reading: Reading) -> bool:

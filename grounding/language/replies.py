@@ -118,6 +118,8 @@ def read_reply(text: str, lexicon: Lexicon | None = None) -> Reply:
         more, left = _split(others, lexicon)
         if distance_m is not None and not left and more and more[-1] in (*SHIFTS, "more", "less"):
             return Reply((*kinds, *more), "", None, distance_m)
+        if distance_m is not None and left and more and left[0] == _TO_VEHICLE.get(more[-1]):
+            return Reply((*kinds, *more), " ".join(left), None, distance_m)  # "half a metre closer to the van"
     return Reply(kinds, " ".join(rest))
 
 
