@@ -150,13 +150,9 @@ def shift_last(talk: Conversation, text: str, shift: Shift) -> Answer:
 
 def shift_from_named(talk: Conversation, text: str, reply: Reply) -> Answer | None:
     """Move the goal in force with respect to a vehicle: "closer to the black one"; None if the words name none."""
-    direction, (preposition, _, named) = reply.leading_shift, reply.rest.partition(" ")
-    if (
-        direction is None
-        or preposition not in ("to", "from")
-        or talk.state.goal is None
-        or talk.state.question is not None
-    ):
+    direction, state = reply.leading_shift, talk.state
+    preposition, _, named = reply.rest.partition(" ")
+    if direction is None or preposition not in ("to", "from") or state.goal is None or state.question is not None:
         return None
     reading = read_description(named, talk.antecedent, talk.readings)
     found = resolve(widen(reading, talk.scene).query, talk.scene) if reading else None

@@ -88,5 +88,5 @@ def test_any_with_a_question_mark_asks_what_is_there() -> None:
 
 
 def test_a_shift_by_a_distance_names_the_vehicle_that_it_is_measured_from() -> None:
-    reply = read_reply("a metre closer to the van")
-    assert (reply.leading_shift, reply.rest, reply.distance_m) == ("near", "to the van", 1.0)
+    reply = read_reply("a metre closer to the bus")
+    assert (reply.leading_shift, reply.rest, reply.distance_m) == ("near", "to the bus", 1.0)
