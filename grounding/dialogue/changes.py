@@ -35,16 +35,16 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
         return None
     base = request.query
     antecedent = talk.antecedent or (None if base.referent else Referent("vehicle", "one"))
-    if both := describe_and_place(reply.rest, base, antecedent, talk.reader):
+    if both := describe_and_place(reply.rest, base, antecedent, talk.readings):
         return _replace(talk, text, both, request)
     describes = turn is not None and turn.act == "describe" and turn.best("relation") == "none"
     # A relation in a mere description is that of a neighbour, or the grammar's mistake.
-    reading = None if describes else complete(reply.rest, base, antecedent, talk.reader)
+    reading = None if describes else complete(reply.rest, base, antecedent, talk.readings)
     if reading is not None and talk.antecedent is None and names_pronoun(reading):
-        reading = complete(reply.rest, base, None, talk.reader)  # "it" refers to nothing yet
+        reading = complete(reply.rest, base, None, talk.readings)  # "it" refers to nothing yet
     lacks = reading is None or (turn is not None and reading.query.relation == "none" != turn.best("relation"))
     if turn is not None and turn.act == "place" and lacks and (place := turn.placed(text)):
-        described = read_description(reply.rest, antecedent, talk.reader) if place.referent is None else None
+        described = read_description(reply.rest, antecedent, talk.readings) if place.referent is None else None
         place = replace(place, referent=described.query.referent) if described else place
         reading = Reading(place, steps=(place,))
     placed = reading is not None and (
@@ -75,7 +75,7 @@ def _answer_description(
 ) -> Answer | None:
     """Answer the description of a vehicle: one of the candidates of a question, else any vehicle of the scene."""
     request = talk.state.request
-    reading = read_description(reply.rest, talk.antecedent, talk.reader)
+    reading = read_description(reply.rest, talk.antecedent, talk.readings)
     if reading is None and turn is not None and turn.act == "describe":
         reading = described_by(turn, talk.antecedent)
     if question is not None and (others := _all_but(talk, reply.rest, question)) and request is not None:
@@ -114,7 +114,7 @@ def _all_but(talk: Conversation, words: str, question: Answer) -> list[Candidate
     """Return the candidates of a question that are left of "not the near one"; none for other words."""
     if not words.startswith("not "):
         return []
-    reading = read_description(words.removeprefix("not "), talk.antecedent, talk.reader)
+    reading = read_description(words.removeprefix("not "), talk.antecedent, talk.readings)
     refused = find_fitting(reading, question.candidates, talk.scene) if reading is not None else []
     ids = {one.item.id for one in refused}
     return [one for one in question.candidates if one.item.id not in ids] if refused else []
@@ -143,18 +143,17 @@ def shift_last(talk: Conversation, text: str, shift: Shift) -> Answer:
     return talk.settle(steps, answer)
 
 
-def shift_from_named(
-    talk: Conversation, text: str, direction: ShiftDirection, words: str, distance_m: float
-) -> Answer | None:
+def shift_from_named(talk: Conversation, text: str, reply: Reply) -> Answer | None:
     """Move the goal in force with respect to a vehicle: "closer to the black one"; None if the words name none."""
-    preposition, _, named = words.partition(" ")
-    if preposition not in ("to", "from") or talk.state.goal is None or talk.state.question is not None:
+    direction, state = reply.leading_shift, talk.state
+    preposition, _, named = reply.rest.partition(" ")
+    if direction is None or preposition not in ("to", "from") or state.goal is None or state.question is not None:
         return None
-    reading = read_description(named, talk.antecedent, talk.reader)
+    reading = read_description(named, talk.antecedent, talk.readings)
     found = resolve(widen(reading, talk.scene).query, talk.scene) if reading else None
     if found is None or found.status != "ok":
         return None
-    return shift_last(talk, text, Shift(direction, distance_m, found.candidates[0].item.id))
+    return shift_last(talk, text, Shift(direction, reply.distance_m or BIT_M, found.candidates[0].item.id))
 
 
 def shift_more(talk: Conversation, text: str, sign: float, distance_m: float = BIT_M) -> Answer:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from appocc.errors import AppoccError
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
 
 # Vehicles fit alike if their log scores differ by less, as by their places alone.
 _ALIKE = 2.5
-# Readings of words that are kept.
-_READINGS = 64
 # Plans that a conversation can go back to.
 _MAX_EARLIER = 8
 
@@ -34,9 +31,8 @@ class Conversation:
     def __init__(self, grounder: Grounder) -> None:
         """Begin without a goal and without a question."""
         self.grounder = grounder
-        # A turn is tried as several kinds of replies, which read the same words.
-        self.reader = lru_cache(maxsize=_READINGS)(grounder.read)
         self.state = Memory()
+        self._read: dict[tuple[str, Referent | None, str, bool], tuple[Reading, ...]] = {}
 
     # What words refer to --------------------------------------------------------------------------------------------
 
@@ -87,9 +83,22 @@ class Conversation:
         """Whether nothing was asked for yet: a sentence then stands alone."""
         return self.state.request is None and self.state.question is None
 
+    def begin_turn(self) -> None:
+        """Forget the readings of the turn before."""
+        self._read.clear()
+
+    def readings(
+        self, words: str, antecedent: Referent | None = None, verb: str = "", *, alone: bool = True
+    ) -> tuple[Reading, ...]:
+        """Return the readings of some words, as `Grounder.read`; within a turn the same words are read once."""
+        key = words, antecedent, verb, alone
+        if key not in self._read:
+            self._read[key] = self.grounder.read(words, antecedent, verb, alone=alone)
+        return self._read[key]
+
     def read(self, words: str) -> Reading:
         """Return the best reading of some words."""
-        return self.reader(words, self.antecedent, alone=False)[0]
+        return self.readings(words, self.antecedent, alone=False)[0]
 
     # Steps ----------------------------------------------------------------------------------------------------------
 

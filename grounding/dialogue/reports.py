@@ -81,7 +81,7 @@ def look_for(talk: Conversation, text: str, words: str, guess: Reading | None = 
 
     `guess`: the description, where the grammar finds none in the words.
     """
-    reading = read_description(words, talk.antecedent, talk.reader) or guess
+    reading = read_description(words, talk.antecedent, talk.readings) or guess
     if reading is None or reading.query.referent is None:
         return not_understood(talk, text, talk.read(text))
     found = resolve(Query("", referent=reading.query.referent), talk.scene)
@@ -105,7 +105,7 @@ def tell_vehicle(talk: Conversation, text: str) -> Answer:
 
 def count(talk: Conversation, text: str, words: str, guess: Reading | None = None) -> Answer:
     """Tell how many vehicles fit a description; "the one" refers to one of them then. `guess` as in `look_for`."""
-    reading = read_description(words, talk.antecedent, talk.reader) or guess
+    reading = read_description(words, talk.antecedent, talk.readings) or guess
     if reading is None or reading.query.referent is None:
         return not_understood(talk, text, talk.read(text))
     sought = replace(reading.query.referent, definite=True, number=1)
@@ -127,7 +127,7 @@ def tell_seen(talk: Conversation, text: str) -> Answer:
 def tell_room(talk: Conversation, text: str, words: str) -> Answer:
     """Tell whether there is a place; "do it" takes it then: "can we fit behind the red car?"."""
     base = talk.state.request.query if talk.state.request else Query("", "park")
-    reading = complete(words, base, talk.antecedent, talk.reader)
+    reading = complete(words, base, talk.antecedent, talk.readings)
     if reading is None:
         return not_understood(talk, text, talk.read(text))
     chosen = talk.meant if names_pronoun(reading) else None
@@ -143,7 +143,7 @@ def tell_room(talk: Conversation, text: str, words: str) -> Answer:
 
 def notice(talk: Conversation, words: str) -> None:
     """Remember the only vehicle that fits a sentence without a command ("the van"), for "it" in the next one."""
-    reading = read_description(words, talk.antecedent, talk.reader) if not talk.state.question else None
+    reading = read_description(words, talk.antecedent, talk.readings) if not talk.state.question else None
     if reading is not None and reading.query.referent is not None:
         found = resolve(Query("", referent=reading.query.referent), talk.scene)
         if found.status == "ok" and found.candidates:
@@ -155,7 +155,7 @@ def not_understood(talk: Conversation, text: str, reading: Reading, words: str =
     if words:
         notice(talk, words)
     reasons = (reading.problem.message, *reading.notes) if reading.problem else reading.notes
-    problem = reading if reading.problem else talk.reader(text, alone=False)[0]
+    problem = reading if reading.problem else talk.readings(text, alone=False)[0]
     question = talk.state.question
     answer = Answer(
         status="not_a_command",

@@ -149,6 +149,7 @@ class Session:
             AppoccError: if no scene is set.
         """
         talk, reply = self._talk, read_reply(text, self._talk.grounder.lexicon)
+        talk.begin_turn()
         turn = read_turn(talk, text, reply)
         answer = _answer_turn(talk, text, reply, turn) if turn else None
         return replace(answer or _answer(talk, text, reply, turn), chooser=self.choose)
@@ -242,19 +243,17 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
         return (change_distance if named else choose_number)(talk, text, reply.number)
     if reply.distance_m is not None and reply.kinds[-1] in ("more", "less"):
         return shift_more(talk, text, 1.0 if reply.kinds[-1] == "more" else -1.0, reply.distance_m)
-    moved_m = BIT_M if reply.distance_m is None else reply.distance_m
     if reply.shift:
-        return shift_last(talk, text, Shift(reply.shift, moved_m))
+        distance_m = BIT_M if reply.distance_m is None else reply.distance_m
+        return shift_last(talk, text, Shift(reply.shift, distance_m))
     if not reply.rest:
         act = _ACTS.get(reply.kinds[-1]) if reply.kinds else None
         return act(talk, text) if act else _command(talk, text, text, turn=turn)
     if reply.kinds[-1:] == ("why",):
         return tell_reasons(talk, text)
-    if reply.kinds[-1:] == ("any",) and text.rstrip().endswith("?"):
-        return look_for(talk, text, reply.rest)
     if about := _ABOUT_WORDS.get(reply.kinds[-1] if reply.kinds else ""):
         return about(talk, text, reply.rest)
-    if talk.is_opening and not talk.reader(text, talk.antecedent)[0].problem:
+    if talk.is_opening and not talk.readings(text, talk.antecedent)[0].problem:
         return _command(talk, text, text)  # the first sentence stands alone
     reading = talk.read(reply.rest)
     if "without" in reply.kinds and reading.query.action is None:
@@ -268,7 +267,7 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
         and state.question.plan.question
     ):
         return confirm(talk, text)
-    if reply.leading_shift and (answer := shift_from_named(talk, text, reply.leading_shift, reply.rest, moved_m)):
+    if reply.leading_shift and (answer := shift_from_named(talk, text, reply)):
         return answer
     if reply.leading_shift and reading.problem:
         if answer := answer_fragment(talk, text, reply):
@@ -313,9 +312,9 @@ def _command(
         turn: the turn by its reader, if that takes it for a command.
     """
     state, grounder = talk.state, talk.grounder
-    readings = talk.reader(words, talk.antecedent, alone=talk.is_opening and words == text)
+    readings = talk.readings(words, talk.antecedent, alone=talk.is_opening and words == text)
     if not is_understood(readings[0]) and not names_pronoun(readings[0]):
-        alone = talk.reader(words)  # with the vote of the reader, which reads sentences that stand alone
+        alone = talk.readings(words)  # with the vote of the reader, which reads sentences that stand alone
         readings = readings if alone[0].problem else alone
     if turn is not None:
         readings = (turn.as_command(readings[0]), *readings[1:])

@@ -17,7 +17,7 @@ from grounding.language.reader.turns import State, default_turn_reader
 from grounding.language.replies import SHIFTS, Reply, named_distance
 from grounding.language.syntax.tokenizer import Token, normalise, tokenise
 from grounding.query import Query, Referent
-from grounding.vocabulary import ShiftDirection
+from grounding.vocabulary import POSITIONS, ShiftDirection
 
 # Least probability of an act that is taken, and of a qualifier.
 _SURE, _LEAST_QUALIFIER = 0.5, 0.5
@@ -26,9 +26,10 @@ _LEAST = 1e-4
 _SURE_AGAINST = 0.75
 # Least probability at which a command that only the network understands is acted upon.
 _SURE_COMMAND = 0.8
+# Acts in which a number without a unit is a distance.
+_MEASURED = ("more", "less", "shift")
 # Most words of a turn that the grammar understands and is believed about.
 _SHORT = 6
-_ORDINALS = {"first": 1, "second": 2, "third": 3, "fourth": 4, "last": -1}
 # Acts of which the grammar tells more than the network, where it understands every word.
 _ACTS_WITH_CONTENT = (
     "command",
@@ -133,8 +134,10 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     doubted = has_verb(reading) and finds and act not in ("command", "then")
     if scores[act] < (_SURE_AGAINST if doubted or plain else _SURE) or (plain and act in _ACTS_WITH_CONTENT):
         return None
-    distance_m = named_distance(text, talk.grounder.lexicon)
-    return Turn(act, scores[act], prediction, reply.number or _number(tokens), distance_m)
+    number, distance_m = reply.number or _number(tokens), named_distance(text, talk.grounder.lexicon)
+    if distance_m is None and act in _MEASURED and any(one.category is WordCategory.NUMBER for one in tokens):
+        distance_m = number and float(number)  # "three more": metres
+    return Turn(act, scores[act], prediction, number, distance_m)
 
 
 def _is_plain(talk: Conversation, reply: Reply, reading: Reading) -> bool:
@@ -143,7 +146,7 @@ def _is_plain(talk: Conversation, reply: Reply, reading: Reading) -> bool:
         return reply.number is not None
     if has_verb(reading):
         return is_understood(reading)
-    base, about, read = talk.state.request, talk.antecedent, talk.reader
+    base, about, read = talk.state.request, talk.antecedent, talk.readings
     described = read_description(reply.rest, about, read, whole=True)
     return base is not None and bool(described or complete(reply.rest, base.query, about, read, whole=True))
 
@@ -191,6 +194,6 @@ def _number(tokens: Sequence[Token]) -> int | None:
     if len(named) != 1:
         return None
     if named[0].category is WordCategory.ORDINAL:
-        return _ORDINALS.get(named[0].value)
+        return -1 if named[0].value == "last" else POSITIONS.get(named[0].value)
     value = float(named[0].value)
     return int(value) if value.is_integer() else None

@@ -114,7 +114,7 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
 
 
 def with_partner(chosen: Candidate, query: Query, scene: SceneModel) -> Candidate:
-    """Return a settled vehicle with the other end of "between" that fits best; unchanged if none is sought or fits."""
+    """Return a settled vehicle with the other end of "between" that fits best, unchanged without one."""
     sought = _normalise(query)
     if query.relation != "between" or chosen.partner is not None or sought.referent is None:
         return chosen
