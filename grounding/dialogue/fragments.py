@@ -134,7 +134,7 @@ def describe_and_place(text: str, base: Query, antecedent: Referent | None, read
         if described is None or not _names_vehicle(described):
             continue
         placed = complete(place, base, described.query.referent, read, whole=True)
-        if placed is not None and names_pronoun(placed):
+        if placed is not None and names_pronoun(placed) and not placed.query.excluded:
             found = replace(placed.query, referent=described.query.referent, secondary=described.query.secondary)
             return _with_query(placed, found)
     return None

@@ -30,20 +30,8 @@ _SURE_COMMAND = 0.8
 _MEASURED = ("more", "less", "shift")
 # Most words of a turn that the grammar understands and is believed about.
 _SHORT = 6
-# Acts of which the grammar tells more than the network, where it understands every word.
-_ACTS_WITH_CONTENT = (
-    "command",
-    "then",
-    "drop",
-    "describe",
-    "place",
-    "shift",
-    "number",
-    "other",
-    "count",
-    "seek",
-    "room",
-)
+# Acts that a short turn may have although the grammar understands its words: "nice driving".
+_WITHOUT_COMMAND = ("remark", "cancel")
 # Kinds of the patterns of replies that have another name as acts.
 ACTS_OF_KINDS = {"thanks": "remark", "former": "number", "latter": "number"} | dict.fromkeys(SHIFTS, "shift")
 
@@ -132,7 +120,7 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     plain = _is_plain(talk, reply, reading)
     finds = is_understood(reading) if act == "describe" else not reading.problem
     doubted = has_verb(reading) and finds and act not in ("command", "then")
-    if scores[act] < (_SURE_AGAINST if doubted or plain else _SURE) or (plain and act in _ACTS_WITH_CONTENT):
+    if scores[act] < (_SURE_AGAINST if doubted or plain else _SURE) or (plain and act not in _WITHOUT_COMMAND):
         return None
     number, distance_m = reply.number or _number(tokens), named_distance(text, talk.grounder.lexicon)
     if distance_m is None and act in _MEASURED and any(one.category is WordCategory.NUMBER for one in tokens):
