@@ -61,8 +61,8 @@ BODIES: dict[str, tuple[tuple[float, float, float], str]] = {
 }
 
 
-# Between two vehicles is behind the one and in front of the other.
-_BETWEEN = {"between", "behind", "in_front_of"}
+# What the files' relations are for those that they lack: who stops before a car stands behind it.
+_ALSO = {"between": {"behind", "in_front_of"}, "before": {"behind"}, "at": {"near", "next_to"}}
 # Relations that an action implies where none is said.
 _IMPLIED = {"follow": "behind", "overtake": "past", "drive_past": "past"}
 
@@ -298,7 +298,7 @@ def judge_strangers(turn: Mapping[str, Any], answer: Answer, goal: Answer | None
     relation: str = answer.query.relation
     if relation == "none":  # whoever follows is behind, who overtakes ends in front
         relation = _IMPLIED.get(answer.query.action or "", relation)
-    given = _BETWEEN if relation == "between" else {relation, answer.query.relation}
+    given = {relation, answer.query.relation, *_ALSO.get(relation, ())}
     if expected["relation"] is not None and not given & relations:
         wrong.append(f"relation {answer.query.relation}")
     if expected["relation"] is not None and answer.target is None:

@@ -75,9 +75,10 @@ def _answer_description(
 ) -> Answer | None:
     """Answer the description of a vehicle: one of the candidates of a question, else any vehicle of the scene."""
     request = talk.state.request
-    reading = read_description(reply.rest, talk.antecedent, talk.readings)
+    reading = read_description(reply.rest, talk.antecedent, talk.readings, whole=True)
     if reading is None and turn is not None and turn.act == "describe":
         reading = described_by(turn, talk.antecedent)
+    reading = reading or read_description(reply.rest, talk.antecedent, talk.readings)
     if question is not None and (others := _all_but(talk, reply.rest, question)) and request is not None:
         return talk.narrow(others, replace(request, reading=said(request.reading, text)))
     if request is None or reading is None:

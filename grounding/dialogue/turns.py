@@ -118,8 +118,7 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     scores = vote_on_act(prediction.choices["act"], own_act(reply, reading), reader.rule["act"])
     act = max(scores, key=scores.__getitem__)
     plain = _is_plain(talk, reply, reading)
-    finds = is_understood(reading) if act == "describe" else not reading.problem
-    doubted = has_verb(reading) and finds and act not in ("command", "then")
+    doubted = has_verb(reading) and is_understood(reading) and act not in ("command", "then")
     if scores[act] < (_SURE_AGAINST if doubted or plain else _SURE) or (plain and act not in _WITHOUT_COMMAND):
         return None
     number, distance_m = reply.number or _number(tokens), named_distance(text, talk.grounder.lexicon)
