@@ -21,10 +21,10 @@ WORDS = (
     *("red", "orange", "brown", "yellow", "green", "blue", "purple", "pink"),
 )
 # Other colour words and their nearest term.
-_NEAREST_TERM = {"beige": "brown", "tan": "brown", "maroon": "red", "navy": "blue", "turquoise": "blue"} | {
-    "gold": "yellow",
-    "violet": "purple",
-}
+_NEAREST_TERM = {"maroon": "red", "navy": "blue", "turquoise": "blue", "violet": "purple", "gold": "yellow"}
+# Pale paints between the terms: CIELAB, and its standard deviations.
+_PALE = {"beige": (80.0, 2.0, 16.0), "tan": (66.0, 7.0, 24.0)}
+_PALE_SPREAD = (10.0, 6.0, 9.0)
 # Linear sRGB to XYZ (IEC 61966-2-1), and the white point D65 of the 2 degree observer (CIE 15). These and the two
 # constants of the linear part near black are rounded as in scikit-image, so that both give the same results.
 _XYZ_FROM_RGB = np.array(
@@ -194,7 +194,10 @@ def fit(colour: str, rgb: ArrayLike, exposure: Exposure = DAYLIGHT) -> FloatArra
     shades = [*shade, term] if term in ("dark", "light") else shade
     lab = exposure.lab(rgb)
     result = lab[..., 0] * 0 + 1
-    if term not in ("dark", "light"):
+    if term in _PALE:
+        spread = np.hypot(_PALE_SPREAD, (exposure.blur, 0.0, 0.0))
+        result = np.exp(-0.5 * (((lab - _PALE[term]) / spread) ** 2).sum(axis=-1))
+    elif term not in ("dark", "light"):
         index = WORDS.index(_NEAREST_TERM.get(term, term))
         result = np.minimum(_probabilities(lab, exposure.blur)[..., index] / _most(exposure.blur)[index], 1)
     for word in shades:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,6 +61,8 @@ BODIES: dict[str, tuple[tuple[float, float, float], str]] = {
 }
 
 
+# What the files' relations are for those that they lack: who stops before a car stands behind it.
+_ALSO = {"between": {"behind", "in_front_of"}, "before": {"behind"}, "at": {"near", "next_to"}}
 # Relations that an action implies where none is said.
 _IMPLIED = {"follow": "behind", "overtake": "past", "drive_past": "past"}
 
@@ -163,11 +166,12 @@ class Stage:
 
 @dataclass(frozen=True)
 class TurnResult:
-    """The answer to a turn, and what is wrong with it ('' if nothing is)."""
+    """The answer to a turn, what is wrong with it ('' if nothing is), and the processor time that it took."""
 
     turn: Mapping[str, Any]
     answer: Answer | None
     wrong: str
+    took_ms: float
 
 
 def run(talk: Conversation) -> list[TurnResult]:
@@ -178,6 +182,7 @@ def run(talk: Conversation) -> list[TurnResult]:
     results: list[TurnResult] = []
     last: Answer | None = None
     for turn in talk.turns:
+        began_s = time.process_time()
         if "drive" in turn:
             stage.move_on(turn)
             answer = session.update(stage.bev(), stage.boxes(), stage.world_from_ego())
@@ -185,11 +190,15 @@ def run(talk: Conversation) -> list[TurnResult]:
             answer = session.choose(int(turn["choose"]))
         else:
             answer = session.say(turn["say"])
+        took_ms = 1000 * (time.process_time() - began_s)
         if answer is None:
-            results.append(TurnResult(turn, None, "no answer"))
+            results.append(TurnResult(turn, None, "no answer", took_ms))
             continue
-        wrong = judge_strangers(turn, answer, last) if "expect" in turn else judge(turn, answer, last, stage)
-        results.append(TurnResult(turn, answer, wrong))
+        if "expect" in turn:
+            wrong = judge_strangers(turn, answer, session.goal, last)
+        else:
+            wrong = judge(turn, answer, last, stage)
+        results.append(TurnResult(turn, answer, wrong, took_ms))
         last = answer if answer.target or answer.candidates else last
     return results
 
@@ -262,17 +271,21 @@ def _is_at(relation: str, vehicle: Vehicle, place_m: np.ndarray) -> bool:
     return bool(tests[relation])
 
 
-def judge_strangers(turn: Mapping[str, Any], answer: Answer, last: Answer | None) -> str:
-    """Return what is wrong with an answer to a turn of a file of records; '' if it is right."""
+def judge_strangers(turn: Mapping[str, Any], answer: Answer, goal: Answer | None, last: Answer | None) -> str:
+    """Return what is wrong with an answer to a turn of a file of records; '' if it is right.
+
+    The referent is that of the goal in force, where the answer is in words only.
+    """
     expected = turn["expect"]
     statuses = {expected["status"], *expected.get("status_alt", [])}
-    given = {answer.status, "refused"} if answer.plan.refused else {answer.status}
-    if not given & statuses:
+    told = {answer.status, "refused"} if answer.plan.refused else {answer.status}
+    if not told & statuses:
         return f"status {answer.status}"
     if answer.status != "ok" or expected["status"] != "ok":
         return ""
     wrong = []
-    referent = answer.referent.item.id if answer.referent else None
+    about = answer if answer.target is not None or goal is None else goal
+    referent = about.referent.item.id if about.referent else None
     # "candidates[1] of the previous answer"
     if rule := expected.get("referent_rule"):
         number = int(rule.split("[")[1].split("]")[0])
@@ -285,7 +298,8 @@ def judge_strangers(turn: Mapping[str, Any], answer: Answer, last: Answer | None
     relation: str = answer.query.relation
     if relation == "none":  # whoever follows is behind, who overtakes ends in front
         relation = _IMPLIED.get(answer.query.action or "", relation)
-    if expected["relation"] is not None and not {relation, answer.query.relation} & relations:
+    given = {relation, answer.query.relation, *_ALSO.get(relation, ())}
+    if expected["relation"] is not None and not given & relations:
         wrong.append(f"relation {answer.query.relation}")
     if expected["relation"] is not None and answer.target is None:
         wrong.append("no place")
@@ -351,7 +365,11 @@ def main(words: Sequence[str] | None = None) -> None:
         right = sum(not any(turn.wrong for turn in turns) for _, turns in results)
         turns = [turn for _, every in results for turn in every]
         good = sum(not turn.wrong for turn in turns)
-        console.print(f"{path.name}: {right} of {len(results)} conversations, {good} of {len(turns)} turns right")
+        median_ms, most_ms = np.percentile([turn.took_ms for turn in turns if "say" in turn.turn] or [0.0], [50, 95])
+        console.print(
+            f"{path.name}: {right} of {len(results)} conversations, {good} of {len(turns)} turns right; "
+            f"a turn takes {median_ms:.0f} ms in the median, {most_ms:.0f} at 95 %"
+        )
         for talk, every in results if given.errors else ():
             if any(turn.wrong for turn in every):
                 console.print(f"\n{talk.name}")

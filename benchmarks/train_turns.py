@@ -10,27 +10,24 @@ gives the same weights on the same machine. Networks that are in the work folder
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from itertools import repeat
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import load_file
 from torch import Tensor
 
-from appocc.files import whole_file
-from benchmarks.reader.examples import Example, Sentence
-from benchmarks.reader.network import TorchReader, export_weights, start_from
+from benchmarks.reader.examples import Sentence
+from benchmarks.reader.network import TorchReader, start_from
 from benchmarks.reader.rule import as_tensor, minimise
+from benchmarks.reader.training import SEED, SIZES, Training, arguments, folds_of, write_reader
 from benchmarks.reader.turns import read_patterns, read_turns, read_whole_commands, turn_example
 from benchmarks.reader.variants import Variants
-from benchmarks.train_reader import SEED, SIZES, VARIANT_WEIGHT, fold_of, train
+from benchmarks.train_reader import VARIANT_WEIGHT
 from grounding.dialogue.turns import Turn, own_act, vote_on_act
 from grounding.language.parser import parse
 from grounding.language.reader.fields import ACTS, CHOICES, TURN_CHOICES
@@ -44,16 +41,12 @@ RATE, VARIANTS = 2e-3, 3
 TURN_SIZES = SIZES | {"dropout": 0.4, "feature_dropout": 0.25}
 
 
-def train_once(path: Path, examples: Sequence[Example], weights: Sequence[float], steps: int) -> None:
-    """Write a network trained on examples that are drawn by their weights, unless the file is there."""
-    if path.exists():
-        return
-    torch.manual_seed(SEED)
+def new_network(member: int) -> TorchReader:
+    """Return a network that begins with what a member of the reader of whole commands has learnt."""
     network = TorchReader(TURN_CHOICES, **TURN_SIZES)
-    start_from(network, load_file(WEIGHTS_PATH), tuple(CHOICES))
-    train(network, examples, np.array(weights), steps, RATE)
-    with whole_file(path) as temporary:
-        save_file(export_weights(network), temporary)
+    weights = {name: array[member] for name, array in load_file(WEIGHTS_PATH).items() if not name.startswith("rule.")}
+    start_from(network, weights, tuple(CHOICES))
+    return network
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,41 +113,25 @@ def report(name: str, cases: Sequence[Case], rule: Numbers) -> None:
 
 def main() -> None:
     """Train, report and write the weights."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=TURNS_PATH)
-    parser.add_argument("--work", type=Path, default=Path("runs/turns"))
-    parser.add_argument("--folds", type=int, default=3)
-    parser.add_argument("--steps", type=int, default=1500)
-    parser.add_argument("--workers", type=int, default=1)
-    asked = parser.parse_args()
+    assert __doc__
+    asked = arguments(__doc__, TURNS_PATH, Path("runs/turns"), 1500)
     turns = read_turns()
-    folds = [[one for one in turns if fold_of(one.speaker, asked.folds) == fold] for fold in range(asked.folds)]
+    folds = folds_of(turns, asked.folds)
     variants = Variants([], SEED)
     drawn = ((one, variants.draw(one.label)) for one in turns for _ in range(VARIANTS))
     learnt = [*turns, *(Sentence(label, one.speaker, VARIANT_WEIGHT * one.weight) for one, label in drawn if label)]
     learnt += [*read_whole_commands(), *read_patterns(SEED)]
-    paths = [asked.work / f"{name}.safetensors" for name in ("all", *range(1, asked.folds + 1))]
-    with ProcessPoolExecutor(asked.workers, initializer=torch.set_num_threads, initargs=(1,)) as pool:
-        examples = list(pool.map(turn_example, [one.label for one in learnt], chunksize=100))
-        pairs = [(example, one) for example, one in zip(examples, learnt, strict=True) if example is not None]
-        held: list[set[str]] = [set(), *({one.speaker for one in fold} for fold in folds)]
-        parts = [[pair for pair in pairs if pair[1].speaker not in out] for out in held]
-        inputs = [[[pair[0] for pair in part], [pair[1].weight for pair in part]] for part in parts]
-        list(pool.map(train_once, paths, *zip(*inputs, strict=True), repeat(asked.steps)))
-    networks = [ReaderNetwork(load_file(path), TURN_CHOICES) for path in paths[1:]]
+    training = Training(new_network, turn_example, RATE, asked.steps, asked.workers, asked.work)
+    weights, *held = training.run(learnt, folds)
+    networks = [ReaderNetwork(one, TURN_CHOICES) for one in held]
     cases = [cases_of(network, fold) for network, fold in zip(networks, folds, strict=True)]
     for fold, own in enumerate(cases, start=1):
-        report(
-            f"held-out speakers, fold {fold}",
-            own,
-            fit_rule([one for other in cases if other is not own for one in other]),
-        )
-    rule = fit_rule([one for own in cases for one in own])
-    report("held-out speakers", [one for own in cases for one in own], rule)
-    print(f"rule {rule}")
-    with whole_file(asked.out) as path:
-        save_file(load_file(paths[0]) | {"rule.act": rule}, path)
-    print(f"{asked.out}: {asked.out.stat().st_size} bytes")
+        others = [case for other in cases if other is not own for case in other]
+        report(f"held-out speakers, fold {fold}", own, fit_rule(others))
+    pooled = [case for own in cases for case in own]
+    rule = fit_rule(pooled)
+    report("held-out speakers", pooled, rule)
+    write_reader(asked.out, weights, {"act": rule})
 
 
 if __name__ == "__main__":

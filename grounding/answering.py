@@ -22,7 +22,14 @@ from grounding.language import Reading
 from grounding.query import Query
 from grounding.referent.clarification import describe_one
 from grounding.referent.ordinals import find_ordinals
-from grounding.referent.resolver import MAX_CANDIDATES, Candidate, Resolution, resolve, resolve_exclusions
+from grounding.referent.resolver import (
+    MAX_CANDIDATES,
+    Candidate,
+    Resolution,
+    resolve,
+    resolve_exclusions,
+    with_partner,
+)
 from grounding.referent.scene import SceneModel
 from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
@@ -303,7 +310,7 @@ def _resolve(request: Request, scene: SceneModel, limit: int) -> Resolution:
     """Resolve the referent of a step; a settled one is taken."""
     if request.chosen is None:
         return resolve(request.query, without(scene, request.ruled_out), limit)
-    return Resolution("ok", (request.chosen,), ())
+    return Resolution("ok", (with_partner(request.chosen, request.query, scene),), ())
 
 
 def _with_sought(request: Request, scene: SceneModel) -> Request:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal, get_args
 
 Action = Literal[
@@ -53,6 +54,9 @@ State = Literal[
 Trigger = Literal["pass", "leave", "turn", "stop", "merge", "clear", "other"]
 # Changes of a place; "away" and "near" are relative to the vehicle that it is measured from.
 ShiftDirection = Literal["away", "near", "ahead", "back", "leftwards", "rightwards"]
+# Positions that ordinals name; "next" counts from where we are.
+POSITIONS: Mapping[str, int] = {"first": 1, "second": 2, "third": 3, "fourth": 4}
+ORDINALS: Mapping[str, int] = {**POSITIONS, "next": 1}
 # Ways to drive that a verb names beyond its action, and those of them that are refused.
 Manoeuvre = Literal["onward", "back", "creep", "faster", "pavement", "red_light", "push"]
 REFUSED: tuple[str, ...] = ("pavement", "red_light", "push")

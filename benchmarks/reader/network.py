@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from grounding.language.reader.features import TABLE_ROWS, WordFacts
+from grounding.language.reader.features import TABLE_ROWS, WORD_ROWS, WordFacts
 from grounding.language.reader.fields import NOUNS, QUALIFIERS
 from grounding.language.reader.network import Numbers
 
@@ -59,6 +59,7 @@ class TorchReader(nn.Module):
         hidden: int,
         dropout: float,
         feature_dropout: float,
+        word_dropout: float,
     ) -> None:
         """Make the layers for fields with the given values: `size` numbers a word, `hidden` states a direction."""
         super().__init__()
@@ -73,7 +74,7 @@ class TorchReader(nn.Module):
         self.nothing, self.point = nn.Linear(2 * both, 2), nn.Linear(both, 2)
         self.classes, self.qualifier = nn.Linear(both, len(NOUNS) - 1), nn.Linear(both, len(QUALIFIERS))
         self.qualifier_prior = nn.Parameter(torch.full((len(QUALIFIERS),), -2.0))
-        self._drop, self._feature_dropout = nn.Dropout(dropout), feature_dropout
+        self._drop, self._feature_dropout, self._word_dropout = nn.Dropout(dropout), feature_dropout, word_dropout
 
     def forward(self, batch: Batch) -> dict[str, Tensor]:
         """Return field -> (B, values) log probabilities; "colour": (B, 1 + T), none and each word.
@@ -83,6 +84,8 @@ class TorchReader(nn.Module):
         rows = batch.rows
         if self.training:
             rows = rows * (torch.rand(rows.shape) > self._feature_dropout)
+            # A word that was never seen has its category and its classes.
+            rows = rows * ~((torch.rand((*rows.shape[:2], 1)) < self._word_dropout) & (rows >= WORD_ROWS))
         scale = (rows > 0).sum(-1, keepdim=True).clamp(min=1).sqrt()
         inputs = self._drop(self.table(rows).sum(2) / scale)
         lengths = batch.mask.sum(1)
@@ -117,6 +120,11 @@ def export_weights(network: TorchReader) -> dict[str, Numbers]:
     state = {name: value.detach().numpy() for name, value in network.state_dict().items()}
     weights = {name: _turned(name, state[source]) for name, source in _sources(network).items()}
     return {name: np.ascontiguousarray(value, dtype=np.float16) for name, value in weights.items()}
+
+
+def stacked(networks: Sequence[Mapping[str, Numbers]]) -> dict[str, Numbers]:
+    """Return the weights of several networks as those of an ensemble, (M, ...) each."""
+    return {name: np.stack([one[name] for one in networks]) for name in networks[0]}
 
 
 def start_from(network: TorchReader, weights: Mapping[str, Numbers], fields: Sequence[str]) -> None:

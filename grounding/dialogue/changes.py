@@ -9,7 +9,7 @@ from grounding.answer import Answer
 from grounding.answering import Request, without
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import find_fitting, widen
-from grounding.dialogue.fragments import complete, names_pronoun, read_description
+from grounding.dialogue.fragments import complete, describe_and_place, names_pronoun, read_description
 from grounding.dialogue.merging import merge_request
 from grounding.dialogue.reports import ask_again, cancel, inform
 from grounding.dialogue.telling import said
@@ -35,12 +35,17 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
         return None
     base = request.query
     antecedent = talk.antecedent or (None if base.referent else Referent("vehicle", "one"))
+    if both := describe_and_place(reply.rest, base, antecedent, talk.readings):
+        return _replace(talk, text, both, request)
     describes = turn is not None and turn.act == "describe" and turn.best("relation") == "none"
     # A relation in a mere description is that of a neighbour, or the grammar's mistake.
-    reading = None if describes else complete(reply.rest, base, antecedent, talk.grounder.read)
+    reading = None if describes else complete(reply.rest, base, antecedent, talk.readings)
     if reading is not None and talk.antecedent is None and names_pronoun(reading):
-        reading = complete(reply.rest, base, None, talk.grounder.read)  # "it" refers to nothing yet
-    if turn is not None and turn.act == "place" and reading is None and (place := turn.placed(text)):
+        reading = complete(reply.rest, base, None, talk.readings)  # "it" refers to nothing yet
+    lacks = reading is None or (turn is not None and reading.query.relation == "none" != turn.best("relation"))
+    if turn is not None and turn.act == "place" and lacks and (place := turn.placed(text)):
+        described = read_description(reply.rest, antecedent, talk.readings) if place.referent is None else None
+        place = replace(place, referent=described.query.referent) if described else place
         reading = Reading(place, steps=(place,))
     placed = reading is not None and (
         reading.query.relation != "none" or bool(base.direction and reading.query.direction)
@@ -57,14 +62,23 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
     return None
 
 
+def _replace(talk: Conversation, text: str, reading: Reading, request: Request) -> Answer:
+    """Plan the last command with another vehicle and another place."""
+    question = talk.state.question
+    changed = merge_request(request, said(widen(reading, talk.scene), text).query)
+    fitting = find_fitting(reading, question.candidates, talk.scene) if question is not None else []
+    return talk.narrow(fitting, changed) if fitting else talk.take(talk.state.with_request(changed))
+
+
 def _answer_description(
     talk: Conversation, text: str, reply: Reply, question: Answer | None, turn: Turn | None
 ) -> Answer | None:
     """Answer the description of a vehicle: one of the candidates of a question, else any vehicle of the scene."""
     request = talk.state.request
-    reading = read_description(reply.rest, talk.antecedent, talk.grounder.read)
+    reading = read_description(reply.rest, talk.antecedent, talk.readings, whole=True)
     if reading is None and turn is not None and turn.act == "describe":
         reading = described_by(turn, talk.antecedent)
+    reading = reading or read_description(reply.rest, talk.antecedent, talk.readings)
     if question is not None and (others := _all_but(talk, reply.rest, question)) and request is not None:
         return talk.narrow(others, replace(request, reading=said(request.reading, text)))
     if request is None or reading is None:
@@ -101,7 +115,7 @@ def _all_but(talk: Conversation, words: str, question: Answer) -> list[Candidate
     """Return the candidates of a question that are left of "not the near one"; none for other words."""
     if not words.startswith("not "):
         return []
-    reading = read_description(words.removeprefix("not "), talk.antecedent, talk.grounder.read)
+    reading = read_description(words.removeprefix("not "), talk.antecedent, talk.readings)
     refused = find_fitting(reading, question.candidates, talk.scene) if reading is not None else []
     ids = {one.item.id for one in refused}
     return [one for one in question.candidates if one.item.id not in ids] if refused else []
@@ -130,16 +144,17 @@ def shift_last(talk: Conversation, text: str, shift: Shift) -> Answer:
     return talk.settle(steps, answer)
 
 
-def shift_from_named(talk: Conversation, text: str, direction: ShiftDirection, words: str) -> Answer | None:
+def shift_from_named(talk: Conversation, text: str, reply: Reply) -> Answer | None:
     """Move the goal in force with respect to a vehicle: "closer to the black one"; None if the words name none."""
-    preposition, _, named = words.partition(" ")
-    if preposition not in ("to", "from") or talk.state.goal is None or talk.state.question is not None:
+    direction, state = reply.leading_shift, talk.state
+    preposition, _, named = reply.rest.partition(" ")
+    if direction is None or preposition not in ("to", "from") or state.goal is None or state.question is not None:
         return None
-    reading = read_description(named, talk.antecedent, talk.grounder.read)
+    reading = read_description(named, talk.antecedent, talk.readings)
     found = resolve(widen(reading, talk.scene).query, talk.scene) if reading else None
     if found is None or found.status != "ok":
         return None
-    return shift_last(talk, text, Shift(direction, BIT_M, found.candidates[0].item.id))
+    return shift_last(talk, text, Shift(direction, reply.distance_m or BIT_M, found.candidates[0].item.id))
 
 
 def shift_more(talk: Conversation, text: str, sign: float, distance_m: float = BIT_M) -> Answer:

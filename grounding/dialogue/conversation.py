@@ -32,6 +32,7 @@ class Conversation:
         """Begin without a goal and without a question."""
         self.grounder = grounder
         self.state = Memory()
+        self._read: dict[tuple[str, Referent | None, str, bool], tuple[Reading, ...]] = {}
 
     # What words refer to --------------------------------------------------------------------------------------------
 
@@ -82,9 +83,22 @@ class Conversation:
         """Whether nothing was asked for yet: a sentence then stands alone."""
         return self.state.request is None and self.state.question is None
 
+    def begin_turn(self) -> None:
+        """Forget the readings of the turn before."""
+        self._read.clear()
+
+    def readings(
+        self, words: str, antecedent: Referent | None = None, verb: str = "", *, alone: bool = True
+    ) -> tuple[Reading, ...]:
+        """Return the readings of some words, as `Grounder.read`; within a turn the same words are read once."""
+        key = words, antecedent, verb, alone
+        if key not in self._read:
+            self._read[key] = self.grounder.read(words, antecedent, verb, alone=alone)
+        return self._read[key]
+
     def read(self, words: str) -> Reading:
         """Return the best reading of some words."""
-        return self.grounder.read(words, self.antecedent, alone=False)[0]
+        return self.readings(words, self.antecedent, alone=False)[0]
 
     # Steps ----------------------------------------------------------------------------------------------------------
 

@@ -121,6 +121,33 @@ def complete(
     return None
 
 
+def describe_and_place(text: str, base: Query, antecedent: Referent | None, read: Reader) -> Reading | None:
+    """Read a fragment of a description and a place of what it describes: "the green car, in front of it".
+
+    Returns:
+        A reading whose query is partial: it has the vehicle and the place; None if the fragment has not both.
+    """
+    parts = [part.strip() for part in _MARK.split(text) if part.strip()]
+    halves = [(", ".join(parts[:i]), ", ".join(parts[i:])) for i in range(1, len(parts))]
+    for named, place in (*halves, *((after, before) for before, after in halves)):
+        described = read_description(named, antecedent, read, whole=True)
+        if described is None or not _names_vehicle(described):
+            continue
+        placed = complete(place, base, described.query.referent, read, whole=True)
+        if placed is not None and names_pronoun(placed) and not placed.query.excluded:
+            found = replace(placed.query, referent=described.query.referent, secondary=described.query.secondary)
+            return _with_query(placed, found)
+    return None
+
+
+def _names_vehicle(described: Reading) -> bool:
+    """Return whether a description has a colour, a qualifier or a class of its own, and excludes nothing."""
+    referent = described.query.referent
+    own = referent is not None and (referent.colour or referent.qualifiers)
+    noun = any(token.category is WordCategory.NOUN for token in described.tokens)
+    return bool(own or noun) and not described.query.excluded
+
+
 def _shortened(text: str) -> Iterator[str]:
     """Yield a text, and what is left of it without its last and its first parts: reasons and second thoughts."""
     parts = [part.strip() for part in _MARK.split(text) if part.strip()]

@@ -81,11 +81,14 @@ def look_for(talk: Conversation, text: str, words: str, guess: Reading | None = 
 
     `guess`: the description, where the grammar finds none in the words.
     """
-    reading = read_description(words, talk.antecedent, talk.grounder.read) or guess
+    reading = read_description(words, talk.antecedent, talk.readings) or guess
     if reading is None or reading.query.referent is None:
         return not_understood(talk, text, talk.read(text))
     found = resolve(Query("", referent=reading.query.referent), talk.scene)
     here = found.candidates if found.status != "not_found" else ()
+    if here and not find_all(reading.query.referent, talk.scene):
+        looks = [describe_object(one.item, talk.scene) for one in here[:1]]
+        return aside(talk, text, f"nothing here is certainly '{reading.query.referent.phrase()}'", *looks)
     if found.status == "ok" and here:
         talk.state = replace(talk.state, focus=(here[0], reading.query.referent))
     if not here:
@@ -102,7 +105,7 @@ def tell_vehicle(talk: Conversation, text: str) -> Answer:
 
 def count(talk: Conversation, text: str, words: str, guess: Reading | None = None) -> Answer:
     """Tell how many vehicles fit a description; "the one" refers to one of them then. `guess` as in `look_for`."""
-    reading = read_description(words, talk.antecedent, talk.grounder.read) or guess
+    reading = read_description(words, talk.antecedent, talk.readings) or guess
     if reading is None or reading.query.referent is None:
         return not_understood(talk, text, talk.read(text))
     sought = replace(reading.query.referent, definite=True, number=1)
@@ -124,7 +127,7 @@ def tell_seen(talk: Conversation, text: str) -> Answer:
 def tell_room(talk: Conversation, text: str, words: str) -> Answer:
     """Tell whether there is a place; "do it" takes it then: "can we fit behind the red car?"."""
     base = talk.state.request.query if talk.state.request else Query("", "park")
-    reading = complete(words, base, talk.antecedent, talk.grounder.read)
+    reading = complete(words, base, talk.antecedent, talk.readings)
     if reading is None:
         return not_understood(talk, text, talk.read(text))
     chosen = talk.meant if names_pronoun(reading) else None
@@ -140,7 +143,7 @@ def tell_room(talk: Conversation, text: str, words: str) -> Answer:
 
 def notice(talk: Conversation, words: str) -> None:
     """Remember the only vehicle that fits a sentence without a command ("the van"), for "it" in the next one."""
-    reading = read_description(words, talk.antecedent, talk.grounder.read) if not talk.state.question else None
+    reading = read_description(words, talk.antecedent, talk.readings) if not talk.state.question else None
     if reading is not None and reading.query.referent is not None:
         found = resolve(Query("", referent=reading.query.referent), talk.scene)
         if found.status == "ok" and found.candidates:
@@ -152,7 +155,7 @@ def not_understood(talk: Conversation, text: str, reading: Reading, words: str =
     if words:
         notice(talk, words)
     reasons = (reading.problem.message, *reading.notes) if reading.problem else reading.notes
-    problem = reading if reading.problem else talk.grounder.read(text, alone=False)[0]
+    problem = reading if reading.problem else talk.readings(text, alone=False)[0]
     question = talk.state.question
     answer = Answer(
         status="not_a_command",

@@ -149,6 +149,7 @@ class Session:
             AppoccError: if no scene is set.
         """
         talk, reply = self._talk, read_reply(text, self._talk.grounder.lexicon)
+        talk.begin_turn()
         turn = read_turn(talk, text, reply)
         answer = _answer_turn(talk, text, reply, turn) if turn else None
         return replace(answer or _answer(talk, text, reply, turn), chooser=self.choose)
@@ -250,10 +251,10 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
         return act(talk, text) if act else _command(talk, text, text, turn=turn)
     if reply.kinds[-1:] == ("why",):
         return tell_reasons(talk, text)
-    if reply.kinds[-1:] == ("any",) and text.rstrip().endswith("?"):
-        return look_for(talk, text, reply.rest)
     if about := _ABOUT_WORDS.get(reply.kinds[-1] if reply.kinds else ""):
         return about(talk, text, reply.rest)
+    if talk.is_opening and not talk.readings(text, talk.antecedent)[0].problem:
+        return _command(talk, text, text)  # the first sentence stands alone
     reading = talk.read(reply.rest)
     if "without" in reply.kinds and reading.query.action is None:
         reading = talk.read(reply.rest.removeprefix("the "))  # "skip the stop"
@@ -266,7 +267,7 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
         and state.question.plan.question
     ):
         return confirm(talk, text)
-    if reply.leading_shift and (answer := shift_from_named(talk, text, reply.leading_shift, reply.rest)):
+    if reply.leading_shift and (answer := shift_from_named(talk, text, reply)):
         return answer
     if reply.leading_shift and reading.problem:
         if answer := answer_fragment(talk, text, reply):
@@ -311,9 +312,9 @@ def _command(
         turn: the turn by its reader, if that takes it for a command.
     """
     state, grounder = talk.state, talk.grounder
-    readings = grounder.read(words, talk.antecedent, alone=talk.is_opening and words == text)
+    readings = talk.readings(words, talk.antecedent, alone=talk.is_opening and words == text)
     if not is_understood(readings[0]) and not names_pronoun(readings[0]):
-        alone = grounder.read(words)  # with the vote of the reader, which reads sentences that stand alone
+        alone = talk.readings(words)  # with the vote of the reader, which reads sentences that stand alone
         readings = readings if alone[0].problem else alone
     if turn is not None:
         readings = (turn.as_command(readings[0]), *readings[1:])

@@ -17,7 +17,7 @@ from grounding.language.reader.turns import State, default_turn_reader
 from grounding.language.replies import SHIFTS, Reply, named_distance
 from grounding.language.syntax.tokenizer import Token, normalise, tokenise
 from grounding.query import Query, Referent
-from grounding.vocabulary import ShiftDirection
+from grounding.vocabulary import POSITIONS, ShiftDirection
 
 # Least probability of an act that is taken, and of a qualifier.
 _SURE, _LEAST_QUALIFIER = 0.5, 0.5
@@ -26,9 +26,12 @@ _LEAST = 1e-4
 _SURE_AGAINST = 0.75
 # Least probability at which a command that only the network understands is acted upon.
 _SURE_COMMAND = 0.8
+# Acts in which a number without a unit is a distance.
+_MEASURED = ("more", "less", "shift")
 # Most words of a turn that the grammar understands and is believed about.
 _SHORT = 6
-_ORDINALS = {"first": 1, "second": 2, "third": 3, "fourth": 4, "last": -1}
+# Acts that a short turn may have although the grammar understands its words: "nice driving".
+_WITHOUT_COMMAND = ("remark", "cancel")
 # Kinds of the patterns of replies that have another name as acts.
 ACTS_OF_KINDS = {"thanks": "remark", "former": "number", "latter": "number"} | dict.fromkeys(SHIFTS, "shift")
 
@@ -84,7 +87,7 @@ class Turn:
         return replace(reading, doubt="") if reading.revised and alike and qualifiers[0] == qualifiers[1] else reading
 
     def placed(self, text: str) -> Query | None:
-        """Return the partial query of the place that it names: relation, side, distance; None for none."""
+        """Return the partial query of the place and the vehicle that it names; None if it names no place."""
         relation, side = self.best("relation"), self.best("goal_side")
         if relation == side == NONE and self.distance_m is None:
             return None
@@ -93,7 +96,7 @@ class Turn:
             slots |= {"relation": relation, "landmark": "referent"}
         if self.distance_m is not None:
             slots |= {"distance_m": self.distance_m, "distance_of": "referent"}
-        return Query(text, **slots)
+        return Query(text, referent=self.described(None) if self.best("noun") != NONE else None, **slots)
 
 
 def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
@@ -105,7 +108,7 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
         reply: the turn as the patterns of replies split it.
     """
     reading = talk.read(reply.rest or text)
-    if (reply.kinds and not reply.rest) or reply.leading_shift or _is_plain(talk, reply, reading):
+    if (reply.kinds and not reply.rest) or reply.leading_shift:
         return None
     reader = default_turn_reader()
     tokens = tokenise(normalise(text), talk.grounder.lexicon)
@@ -114,12 +117,14 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
         return None
     scores = vote_on_act(prediction.choices["act"], own_act(reply, reading), reader.rule["act"])
     act = max(scores, key=scores.__getitem__)
-    finds = is_understood(reading) if act == "describe" else not reading.problem
-    doubted = has_verb(reading) and finds and act not in ("command", "then")
-    if scores[act] < (_SURE_AGAINST if doubted else _SURE):
+    plain = _is_plain(talk, reply, reading)
+    doubted = has_verb(reading) and is_understood(reading) and act not in ("command", "then")
+    if scores[act] < (_SURE_AGAINST if doubted or plain else _SURE) or (plain and act not in _WITHOUT_COMMAND):
         return None
-    distance_m = named_distance(text, talk.grounder.lexicon)
-    return Turn(act, scores[act], prediction, reply.number or _number(tokens), distance_m)
+    number, distance_m = reply.number or _number(tokens), named_distance(text, talk.grounder.lexicon)
+    if distance_m is None and act in _MEASURED and any(one.category is WordCategory.NUMBER for one in tokens):
+        distance_m = number and float(number)  # "three more": metres
+    return Turn(act, scores[act], prediction, number, distance_m)
 
 
 def _is_plain(talk: Conversation, reply: Reply, reading: Reading) -> bool:
@@ -128,7 +133,7 @@ def _is_plain(talk: Conversation, reply: Reply, reading: Reading) -> bool:
         return reply.number is not None
     if has_verb(reading):
         return is_understood(reading)
-    base, about, read = talk.state.request, talk.antecedent, talk.grounder.read
+    base, about, read = talk.state.request, talk.antecedent, talk.readings
     described = read_description(reply.rest, about, read, whole=True)
     return base is not None and bool(described or complete(reply.rest, base.query, about, read, whole=True))
 
@@ -176,6 +181,6 @@ def _number(tokens: Sequence[Token]) -> int | None:
     if len(named) != 1:
         return None
     if named[0].category is WordCategory.ORDINAL:
-        return _ORDINALS.get(named[0].value)
+        return -1 if named[0].value == "last" else POSITIONS.get(named[0].value)
     value = float(named[0].value)
     return int(value) if value.is_integer() else None

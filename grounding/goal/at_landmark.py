@@ -12,10 +12,9 @@ from grounding.goal.beside_vehicle import PARKING, propose_beside
 from grounding.goal.candidates import CandidateSet, DistanceRange
 from grounding.goal.turns import propose_side_road
 from grounding.query import Landmark, Query
-from grounding.referent.ordinals import ORDINALS
 from grounding.road.landmarks import Span
 from grounding.road.road_map import RoadMap
-from grounding.vocabulary import LANDMARK_KINDS
+from grounding.vocabulary import LANDMARK_KINDS, ORDINALS
 
 # Gap between our front and a landmark to stop at, and to park at.
 _GAP_M, _PARKED_GAP_M = 1.0, 3.0

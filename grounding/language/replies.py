@@ -16,7 +16,7 @@ from grounding.language.syntax.phrase_patterns import WORD, LexicalEntry, Phrase
 from grounding.language.syntax.quantities import merge_quantities
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, normalise, tokenise
 from grounding.language.syntax.word_categories import WordCategory
-from grounding.vocabulary import ShiftDirection
+from grounding.vocabulary import POSITIONS, ShiftDirection
 
 _PATH = Path(__file__).parent / "syntax" / "data" / "replies.txt"
 _MAX_BYTES = 1_000_000
@@ -27,7 +27,6 @@ SHIFTS: tuple[ShiftDirection, ...] = get_args(ShiftDirection)
 # candidates.
 _COMPARATIVES = ("nearest", "farthest", "largest", "smallest")
 _WORD_KINDS = ("skip", "tail", *_COMPARATIVES)
-_ORDINALS = ("first", "second", "third", "fourth")
 # Kinds that the rest of the sentence may follow: "no, the red one".
 _LEADING = (
     *(
@@ -108,6 +107,8 @@ def read_reply(text: str, lexicon: Lexicon | None = None) -> Reply:
     if number is not None:
         return Reply(number=number)
     kinds, rest = _split(words, lexicon)
+    if kinds[-1:] == ("any",) and rest and text.rstrip().endswith("?"):
+        kinds = (*kinds[:-1], "seek")  # "any trucks about?" asks whether there is one
     if kinds and kinds[-1] in _BEFORE_NUMBERS and (number := _number(rest, lexicon)) is not None:
         return Reply(kinds, "", number)
     if (number := _ordinal(rest, lexicon)) is not None:
@@ -117,6 +118,8 @@ def read_reply(text: str, lexicon: Lexicon | None = None) -> Reply:
         more, left = _split(others, lexicon)
         if distance_m is not None and not left and more and more[-1] in (*SHIFTS, "more", "less"):
             return Reply((*kinds, *more), "", None, distance_m)
+        if distance_m is not None and left and more and left[0] == _TO_VEHICLE.get(more[-1]):
+            return Reply((*kinds, *more), " ".join(left), None, distance_m)  # "half a metre closer to the van"
     return Reply(kinds, " ".join(rest))
 
 
@@ -227,12 +230,12 @@ def _number(words: Sequence[str], lexicon: Lexicon) -> int | None:
 def _ordinal(words: Sequence[str], lexicon: Lexicon) -> int | None:
     """Return the number of an ordinal that a phrase consists of; None if it says more."""
     tokens = tokenise(" ".join(words), lexicon)
-    named = [token for token in tokens if token.category is WordCategory.ORDINAL and token.value in _ORDINALS]
+    named = [token for token in tokens if token.category is WordCategory.ORDINAL and token.value in POSITIONS]
     others = [token for token in tokens if token not in named]
     allowed = (WordCategory.THE, WordCategory.ONE)
     if len(named) != 1 or not all(token.category in allowed for token in others):
         return None
-    return 1 + _ORDINALS.index(named[0].value)
+    return POSITIONS[named[0].value]
 
 
 def reply_patterns() -> list[PhrasePattern]:

@@ -11,6 +11,7 @@ from grounding.query import Referent
 from grounding.referent.fuzzy import rising
 from grounding.referent.object_table import ObjectTable
 from grounding.referent.predicates import in_own_lane
+from grounding.vocabulary import ORDINALS
 
 # From this x on an object is ahead of the ego rather than next to it.
 _AHEAD_M = 3.0
@@ -20,7 +21,6 @@ _LEAD_PROBABILITY = 0.85
 # Qualifiers that combine with "in front of us" without naming another position.
 _NON_POSITIONAL = frozenset(("ahead", "behind_ego", "moving", "stopped", "braking", "large", "small"))
 
-ORDINALS: Mapping[str, int] = {"first": 1, "next": 1, "second": 2, "third": 3, "fourth": 4}
 # Sort key of each superlative, smallest first, and the scale of differences that are hard to tell.
 SORT_KEYS: Mapping[str, tuple[Callable[[ObjectTable], FloatArray], float]] = {
     "nearest": (lambda table: table.distance_m, 0.3),

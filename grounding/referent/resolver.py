@@ -113,6 +113,17 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
     return Resolution("ok", candidates, (*reasons, *scores.notes))
 
 
+def with_partner(chosen: Candidate, query: Query, scene: SceneModel) -> Candidate:
+    """Return a settled vehicle with the other end of "between" that fits best, unchanged without one."""
+    sought = _normalise(query)
+    if query.relation != "between" or chosen.partner is not None or sought.referent is None:
+        return chosen
+    scores = score_objects(sought, sought.referent, scene)
+    pairs = _rank_choices(sought, sought.referent, scene, scores)
+    ours = [one for one in pairs if one.partner >= 0 and scene.table.items[one.row].id == chosen.item.id]
+    return _candidates(ours[:1], scene, scores)[0] if ours else chosen
+
+
 def find_all(referent: Referent, scene: SceneModel) -> tuple[SceneObject, ...]:
     """Return all objects that a description fits without doubt, nearest first."""
     if _explain_absence(referent, scene):

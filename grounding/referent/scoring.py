@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,12 +11,12 @@ from appocc.checks import BoolArray, FloatArray
 from grounding.query import Exclusion, Landmark, Query, Referent
 from grounding.referent.class_fit import KNOWN_NOUNS
 from grounding.referent.object_table import ObjectTable
-from grounding.referent.ordinals import ORDINALS, find_ordinals, lead_probability, lead_side, ordinal_probability
+from grounding.referent.ordinals import find_ordinals, lead_probability, lead_side, ordinal_probability
 from grounding.referent.predicates import QUALIFIERS, fit_words, to_referent
 from grounding.referent.priors import counting_prior, log_action_prior, log_salience
 from grounding.referent.scene import SceneModel
 from grounding.referent.spatial_relations import fit_relation
-from grounding.vocabulary import LANDMARK_KINDS
+from grounding.vocabulary import LANDMARK_KINDS, ORDINALS
 
 # Least membership of a match in each word, and of the product of all words.
 _LEAST_WORD_FIT, _LEAST_TOTAL_FIT = 0.12, 0.06
@@ -145,6 +145,8 @@ def _product(word_fits: Mapping[str, FloatArray]) -> FloatArray:
 def _fit_landmark(part: Landmark, scene: SceneModel) -> dict[str, FloatArray]:
     """Return the membership (N,) in a relation to the best landmark: "in front of the truck"."""
     table, landmark = scene.table, to_referent(part)
+    if part.noun == "motorcycle" and "motorcycle" not in table.class_names:
+        landmark = replace(landmark, head="bike")  # which may be a bicycle
     membership = np.minimum(_product(fit_words(landmark, scene)), _MAX_PROBABILITY) * counting_prior(landmark, table)
     probability = ordinal_probability(landmark.qualifiers, table, membership)
     chosen = np.flatnonzero(probability >= _LEAST_LANDMARK_PROBABILITY)

@@ -152,6 +152,12 @@ def test_shades_and_synonyms() -> None:
     assert_rounded(fit("maroon", (90, 15, 25)), fit("red", (90, 15, 25)))
 
 
+def test_beige_and_tan_are_no_shades_of_brown_white_or_silver() -> None:
+    for word, rgb in (("beige", (215, 200, 170)), ("tan", (190, 160, 120))):
+        others = [fit(word, other) for other in (WHITE, SILVER, BLACK, (100, 60, 35), (235, 200, 40))]
+        assert fit(word, rgb) > 0.8 > 0.3 > max(others)
+
+
 def test_every_colour_word_of_the_lexicon_has_a_fit() -> None:
     from grounding.language.syntax.lexicon import default_phrases
     from grounding.language.syntax.word_categories import WordCategory

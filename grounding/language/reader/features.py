@@ -6,17 +6,19 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple, get_args
 from zlib import crc32
 
+from grounding.language.reader.word_classes import classes_of
 from grounding.language.syntax.tagging.tagger import tag
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import WordCategory
 from grounding.query_schema import Noun
 
-# Rows of the table of feature vectors; row 0 is no feature.
-TABLE_ROWS = 8192
+# Rows of the table of feature vectors; row 0 is no feature, from the second number on words and parts of words.
+TABLE_ROWS, WORD_ROWS = 8192, 2048
 # Words whose identity is no feature: what holds for a red car holds for a blue one.
 _WITHOUT_WORDS = (WordCategory.COLOUR, WordCategory.MAKE, WordCategory.MODEL, WordCategory.NUMBER)
 _NUMERIC = (WordCategory.COLOUR, WordCategory.NUMBER, WordCategory.UNIT, WordCategory.DISTANCE)
 _GRAM = 3
+_OF_WORDS = ("w:", "g:")
 _CLASSES = get_args(Noun)
 
 
@@ -87,6 +89,7 @@ def _names(token: Token, tagged: Token | None) -> Iterator[str]:
         return
     for word in token.text.split():
         yield f"w:{word}"
+        yield from (f"k:{one}" for one in classes_of(word))
     if token.category is not WordCategory.NOUN:
         for word in token.written.split():
             marked = f"<{word}>"
@@ -95,4 +98,5 @@ def _names(token: Token, tagged: Token | None) -> Iterator[str]:
 
 def feature_row(name: str) -> int:
     """Return the row of a feature in the table, by its name."""
-    return 1 + crc32(name.encode()) % (TABLE_ROWS - 1)
+    first, last = (WORD_ROWS, TABLE_ROWS) if name.startswith(_OF_WORDS) else (1, WORD_ROWS)
+    return first + crc32(name.encode()) % (last - first)

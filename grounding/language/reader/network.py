@@ -2,8 +2,8 @@
 
 A sum of hashed feature vectors for each word, two bidirectional GRU layers (Cho et al., EMNLP 2014), and for each
 field a pooling by attention. Class and colour of the vehicle point to words, so that they hold for any colour and
-class; the probability of a qualifier is that of its best words. `python -m benchmarks.train_reader` makes the weights
-in torch.
+class; the probability of a qualifier is that of its best words. Several networks, trained from different seeds, are
+averaged. `python -m benchmarks.train_reader` makes the weights in torch.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ class Prediction:
 
 
 class ReaderNetwork:
-    """The network with its weights; `predict` takes about a millisecond."""
+    """An ensemble of M networks with their weights; `predict` takes about a millisecond and returns their mean."""
 
     def __init__(self, weights: Mapping[str, Numbers], choices: Mapping[str, tuple[str, ...]] = CHOICES) -> None:
-        """Take the weights by name, those of `benchmarks.reader.network.export_weights`, and the fields' values."""
+        """Take the weights (M, ...) by name, as `benchmarks.reader.network.stacked` returns them, and the fields."""
         self.choices = choices
         self.weights = {name: array.astype(np.float32) for name, array in weights.items()}
 
@@ -69,65 +69,69 @@ class ReaderNetwork:
     def predict_rows(self, rows: Sequence[Sequence[int]], facts: Sequence[WordFacts]) -> Prediction:
         """Return the probabilities for the feature rows and the facts of each word."""
         table = self.weights["table"]
-        inputs = np.stack([table[row].sum(axis=0) / np.sqrt(len(row)) for row in rows])
+        inputs = np.stack([table[:, row].sum(axis=1) / np.sqrt(len(row)) for row in rows], axis=1)
         words = self._layer(self._layer(inputs, 0), 1)
-        attention = _softmax(self._linear("attention", words), axis=0)
-        pooled, peak = attention.T @ words, words.max(axis=0)
+        attention = _softmax(self._linear("attention", words), axis=1)
+        # (M, fields + 1, 4 H): of each field what its attention pools, and the peaks.
+        pooled = attention.transpose(0, 2, 1) @ words
+        pooled = np.concatenate([pooled, np.broadcast_to(words.max(axis=1, keepdims=True), pooled.shape)], axis=2)
         choices = {
-            field: dict(zip(values, _softmax(self._linear(field, np.concatenate([own, peak]))).tolist(), strict=True))
-            for (field, values), own in zip(self.choices.items(), pooled, strict=False)
+            field: dict(zip(values, _mean(_softmax(self._linear(field, pooled[:, i : i + 1]))), strict=True))
+            for i, (field, values) in enumerate(self.choices.items())
         }
-        nothing = self._linear("nothing", np.concatenate([pooled[-1], peak]))
+        nothing = self._linear("nothing", pooled[:, -1:])
         pointed = self._linear("point", words)
-        by_noun = _softmax(np.concatenate([nothing[:1], pointed[:, 0]]))
+        by_noun = _softmax(np.concatenate([nothing[:, :, 0], pointed[:, :, 0]], axis=1))
         choices["noun"] = self._nouns(words, facts, by_noun)
         coloured = [i for i, fact in enumerate(facts) if fact.colour]
-        by_colour = _softmax(np.concatenate([nothing[1:], pointed[coloured, 1]]))
-        choices["colour"] = _colours([facts[i].colour for i in coloured], by_colour)
-        scores = _log_sum_exp(self._linear("qualifier", words)) + self.weights["qualifier_prior"]
-        qualifiers = dict(zip(QUALIFIERS, (1 / (1 + np.exp(-scores))).tolist(), strict=True))
-        best = int(by_noun[1:].argmax())
+        by_colour = _softmax(np.concatenate([nothing[:, :, 1], pointed[:, coloured, 1]], axis=1))
+        choices["colour"] = _colours([facts[i].colour for i in coloured], by_colour.mean(axis=0))
+        scores = _log_sum_exp(self._linear("qualifier", words), axis=1) + self.weights["qualifier_prior"]
+        qualifiers = dict(zip(QUALIFIERS, _mean(1 / (1 + np.exp(-scores[:, None]))), strict=True))
+        best = int(by_noun.mean(axis=0)[1:].argmax())
         return Prediction(choices, qualifiers, facts[best].text if facts[best].noun else "")
 
     def _layer(self, inputs: Numbers, number: int) -> Numbers:
-        """Return (T, 2 H) of a bidirectional GRU layer over (T, D)."""
+        """Return (M, T, 2 H) of a bidirectional GRU layer over (M, T, D)."""
         weight = self.weights
         outputs = []
         for direction in ("forward", "backward"):
             name = f"gru{number}.{direction}"
-            order = inputs if direction == "forward" else inputs[::-1]
-            gates = order @ weight[f"{name}.input"] + weight[f"{name}.input_bias"]
-            states = _gru(gates, weight[f"{name}.state"], weight[f"{name}.state_bias"])
-            outputs.append(states if direction == "forward" else states[::-1])
-        return np.concatenate(outputs, axis=1)
+            order = inputs if direction == "forward" else inputs[:, ::-1]
+            gates = order @ weight[f"{name}.input"] + weight[f"{name}.input_bias"][:, None]
+            states = _gru(gates, weight[f"{name}.state"], weight[f"{name}.state_bias"][:, None])
+            outputs.append(states if direction == "forward" else states[:, ::-1])
+        return np.concatenate(outputs, axis=2)
 
     def _linear(self, name: str, values: Numbers) -> Numbers:
-        return values @ self.weights[f"{name}.weight"] + self.weights[f"{name}.bias"]
+        """Return (M, T, outputs) of values (M, T, inputs)."""
+        return values @ self.weights[f"{name}.weight"] + self.weights[f"{name}.bias"][:, None]
 
     def _nouns(self, words: Numbers, facts: Sequence[WordFacts], pointed: Numbers) -> dict[str, float]:
-        """Return the probability of each class: of the words pointed to, by lexicon or guessed."""
-        guessed = _softmax(self._linear("class", words), axis=1)
-        found = np.zeros(len(NOUNS))
-        found[0] = pointed[0]
-        for fact, share, classes in zip(facts, pointed[1:], guessed, strict=True):
+        """Return the probability of each class: of the words pointed to (M, 1 + T), by lexicon or guessed."""
+        guessed = _softmax(self._linear("class", words))
+        found = np.zeros((len(pointed), len(NOUNS)))
+        found[:, 0] = pointed[:, 0]
+        for i, fact in enumerate(facts):
             if fact.noun:
-                found[NOUNS.index(fact.noun)] += share
+                found[:, NOUNS.index(fact.noun)] += pointed[:, i + 1]
             else:
-                found[1:] += share * classes
-        return dict(zip(NOUNS, found.tolist(), strict=True))
+                found[:, 1:] += pointed[:, i + 1, None] * guessed[:, i]
+        return dict(zip(NOUNS, found.mean(axis=0).tolist(), strict=True))
 
 
 def _gru(gates: Numbers, state_weight: Numbers, state_bias: Numbers) -> Numbers:
-    """Return the states (T, H) of a GRU over input gates (T, 3 H): reset, update, new."""
-    size = gates.shape[1] // 3
-    state = np.zeros(size, dtype=gates.dtype)
-    states = np.empty((len(gates), size), dtype=gates.dtype)
-    for i, gate in enumerate(gates):
+    """Return the states (M, T, H) of a GRU over input gates (M, T, 3 H): reset, update, new."""
+    size = gates.shape[2] // 3
+    state = np.zeros((len(gates), 1, size), dtype=gates.dtype)
+    states = np.empty((*gates.shape[:2], size), dtype=gates.dtype)
+    for i in range(gates.shape[1]):
+        gate = gates[:, i : i + 1]
         own = state @ state_weight + state_bias
-        reset, update = np.split(1 / (1 + np.exp(-(gate[: 2 * size] + own[: 2 * size]))), 2)
-        new = np.tanh(gate[2 * size :] + reset * own[2 * size :])
+        reset, update = np.split(1 / (1 + np.exp(-(gate[..., : 2 * size] + own[..., : 2 * size]))), 2, axis=-1)
+        new = np.tanh(gate[..., 2 * size :] + reset * own[..., 2 * size :])
         state = new + update * (state - new)
-        states[i] = state
+        states[:, i] = state[:, 0]
     return states
 
 
@@ -138,13 +142,19 @@ def _colours(words: Sequence[str], pointed: Numbers) -> dict[str, float]:
     return dict(found)
 
 
+def _mean(shares: Numbers) -> list[float]:
+    """Return the mean over the members of (M, 1, V)."""
+    found: list[float] = shares[:, 0].mean(axis=0).tolist()
+    return found
+
+
 def _softmax(scores: Numbers, axis: int = -1) -> Numbers:
     powers = np.exp(scores - scores.max(axis=axis, keepdims=True))
     result: Numbers = powers / powers.sum(axis=axis, keepdims=True)
     return result
 
 
-def _log_sum_exp(scores: Numbers) -> Numbers:
-    top = scores.max(axis=0)
-    result: Numbers = top + np.log(np.exp(scores - top).sum(axis=0))
+def _log_sum_exp(scores: Numbers, axis: int) -> Numbers:
+    top = scores.max(axis=axis, keepdims=True)
+    result: Numbers = top.squeeze(axis) + np.log(np.exp(scores - top).sum(axis=axis))
     return result

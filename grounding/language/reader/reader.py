@@ -80,7 +80,8 @@ def load_weights(
     except (SafetensorError, ValueError, TypeError) as error:
         raise DataError(f"{path}: no weights of the reader ({error})") from error
     size, hidden = (arrays[name].shape[-1] if name in arrays else 0 for name in ("table", "gru0.forward.state"))
-    expected = _expected_shapes(size, hidden // 3, choices)
+    members = len(arrays["table"]) if "table" in arrays else 0
+    expected = {name: (members, *shape) for name, shape in _expected_shapes(size, hidden // 3, choices).items()}
     expected |= {f"{_RULE}{name}": shape for name, shape in rule_shapes.items()}
     for name, shape in expected.items():
         got = arrays[name].shape if name in arrays else None
@@ -93,7 +94,7 @@ def load_weights(
 
 
 def _expected_shapes(size: int, hidden: int, choices: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[int, ...]]:
-    """Return array name -> shape, for `size` numbers a feature and `hidden` states a direction."""
+    """Return array name -> shape in one network, for `size` numbers a feature and `hidden` states a direction."""
     both = 2 * hidden
     shapes: dict[str, tuple[int, ...]] = {"table": (TABLE_ROWS, size), "qualifier_prior": (len(QUALIFIERS),)}
     for layer, inputs in enumerate((size, both)):

@@ -24,7 +24,7 @@ _LEAST = 1e-4
 # fitted on sentences of strangers, and it is better on plain ones.
 _TRUST, _TRUST_QUALIFIER = 3.0, 1.5
 # Least log odds at which a sentence is a command that the grammar takes for none, and at which it remains one.
-_LEAST_ODDS, _LEAST_ODDS_KEPT = 1.0, 0.5
+_LEAST_ODDS, _LEAST_ODDS_KEPT = 1.0, 1.0
 # Most words of a sentence that the grammar understands and is believed about: "the one on the left" is no command.
 _SHORT = 6
 # Actions that may stand for what a sentence forbids: "don't overtake it" is `other`.

@@ -14,7 +14,6 @@ from grounding.language.semantics.discourse.coreference import (
     qualify_antecedents,
     resolve_anaphor,
 )
-from grounding.language.semantics.discourse.verb_rules import ORDINALS
 from grounding.language.semantics.main_action import (
     SIDE_CONNECTIVES,
     Intent,
@@ -38,7 +37,7 @@ from grounding.query import (
     RoadSide,
     Side,
 )
-from grounding.vocabulary import REFUSED, RELATIONS, Action, Manoeuvre, Relation, Trigger
+from grounding.vocabulary import ORDINALS, REFUSED, RELATIONS, Action, Manoeuvre, Relation, Trigger
 
 # Relations without a place.
 _NOT_SPATIAL = ("with", "of", "for", "object")

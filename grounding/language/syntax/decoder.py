@@ -70,7 +70,7 @@ class Decoder:
         for i in range(len(written)):
             kept = sorted(paths[i], key=lambda path: path.cost)[:_BEAM]
             for end, words, cost in self._edges(written, i) if kept else ():
-                paths[end] += [self._extended(path, words, cost, (i, end)) for path in kept]
+                paths[end] += self._extended(kept, words, cost, (i, end))
         ends = [(path.cost + self._end_cost(path.last), path) for path in paths[-1]]
         best: dict[tuple[str, ...], Decoded] = {}
         for cost, path in sorted(ends, key=lambda pair: pair[0])[: _BEAM + most]:
@@ -92,14 +92,16 @@ class Decoder:
         for end, cost in self._asides.at(written, i):
             yield end, (), cost
 
-    def _extended(self, path: _Path, words: tuple[str, ...], cost: float, span: tuple[int, int]) -> _Path:
-        """Return the path with one more edge."""
-        total, last = path.cost + cost, path.last
-        for word in words:
-            following = symbol(word)
-            total += self._model.cost(last, following)
-            last = following
-        return _Path(total, last, words, span, path)
+    def _extended(
+        self, paths: Sequence[_Path], words: tuple[str, ...], cost: float, span: tuple[int, int]
+    ) -> list[_Path]:
+        """Return each path with one more edge."""
+        if not words:
+            return [_Path(path.cost + cost, path.last, words, span, path) for path in paths]
+        first, *others = symbols = [symbol(word) for word in words]
+        inner = cost + sum(map(self._model.cost, symbols, others))
+        follow = {last: self._model.cost(last, first) for last in {path.last for path in paths}}
+        return [_Path(path.cost + inner + follow[path.last], symbols[-1], words, span, path) for path in paths]
 
     def _end_cost(self, last: str) -> float:
         return 0.0 if last == BOUNDARY else self._model.cost(last, BOUNDARY)

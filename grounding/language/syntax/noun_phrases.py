@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import MODIFIERS, NOUNS, WordCategory
+from grounding.vocabulary import ORDINALS
 
 # Letter of each category in a noun phrase; all other categories are dots.
 _LETTERS = (
@@ -85,7 +86,7 @@ class NounPhrase:
 
     def add_qualifier(self, value: str) -> None:
         """Add a qualifier that follows the noun; "from the left" after an ordinal is the start of counting."""
-        ordinal = any(word in ("first", "second", "third", "fourth", "next", "last") for word in self.qualifiers)
+        ordinal = any(word in (*ORDINALS, "last") for word in self.qualifiers)
         if value in ("from_left", "from_right"):
             value = value.removeprefix("from_") + ("most" if ordinal else "_side")
         if value not in self.qualifiers:

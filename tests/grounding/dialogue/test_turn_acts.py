@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from street import BLUE, RED, WHITE, Street
 
+from grounding import Grounder
 from grounding.dialogue.session import Session
 from grounding.dialogue.turns import own_act, vote_on_act
 from grounding.language import parse
@@ -77,3 +78,41 @@ def test_a_question_sets_no_goal(make: Callable[[], Session], question: str) -> 
     before = session.goal
     assert session.say(question).status in ("ok", "ambiguous")
     assert session.goal is before
+
+
+def test_a_pronoun_and_a_named_vehicle_are_the_two_of_a_gap() -> None:
+    street = Street().car("near", 12, -5, RED).car("blue", 26, -5, BLUE).car("far", 40, -5, WHITE)
+    session: Session = street.grounder().session()
+    session.say("stop next to the red car")
+    answer = session.say("now park between it and the blue car")
+    assert answer.status == "ok", answer.text()
+    assert answer.target is not None
+    assert 12 < answer.target.ego_m[0] < 26
+    moved = session.say("half a metre closer to the blue car")
+    assert moved.target is not None
+    assert 0.0 < moved.target.ego_m[0] - answer.target.ego_m[0] < 1.0
+
+
+def test_a_vehicle_and_a_place_after_a_comma_are_both_taken() -> None:
+    session = row()
+    answer = session.say("the blue one, just in front of it")
+    assert answer.status == "ok", answer.text()
+    assert (answer.referent and answer.referent.item.id, answer.query.relation) == ("blue", "in_front_of")
+
+
+def test_a_vehicle_and_a_place_answer_a_question() -> None:
+    answer = two_whites().say("the one on the right, behind it")
+    assert (answer.referent and answer.referent.item.id, answer.query.relation) == ("right", "behind")
+
+
+def test_the_same_words_are_read_once_a_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    session, read = two_whites(), list[tuple[object, ...]]()
+    original = Grounder.read
+
+    def counted(grounder: Grounder, *words: object, alone: bool = True) -> object:
+        read.append((*words, alone))
+        return original(grounder, *words, alone=alone)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Grounder, "read", counted)
+    session.say("the one my nan used to drive, on the left")
+    assert len(read) == len(set(read)) > 0

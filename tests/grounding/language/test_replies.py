@@ -80,3 +80,13 @@ def test_every_pattern_is_valid() -> None:
         patterns = _replies(only).patterns
         assert patterns
         assert all(pattern.parts() for pattern in patterns)
+
+
+def test_any_with_a_question_mark_asks_what_is_there() -> None:
+    assert read_reply("any trucks about?").kinds[-1] == "seek"
+    assert read_reply("any of them").kinds[-1] == "any"
+
+
+def test_a_shift_by_a_distance_names_the_vehicle_that_it_is_measured_from() -> None:
+    reply = read_reply("a metre closer to the bus")
+    assert (reply.leading_shift, reply.rest, reply.distance_m) == ("near", "to the bus", 1.0)

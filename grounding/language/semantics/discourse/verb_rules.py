@@ -9,14 +9,13 @@ from grounding.language.syntax.clauses import TEMPORAL
 from grounding.language.syntax.noun_phrases import VEHICLE_KINDS, NounPhrase
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import WordCategory
-from grounding.vocabulary import MANOEUVRES
+from grounding.vocabulary import MANOEUVRES, ORDINALS
 
 # Verb classes whose object does something in turn: "let it pass", "wait for it to turn".
 AWAITING = ("give_way", "wait")
 LETTING = ("let", "allow", "permit", "letting", "allowing")
 _DRIVEN = ("moving", "passing")
 _DIRECTIONS = ("left", "right", "straight", "around")
-ORDINALS = {"first": 1, "next": 1, "second": 2, "third": 3, "fourth": 4}
 
 
 def handle_verb(state: DiscourseState, token: Token) -> None:

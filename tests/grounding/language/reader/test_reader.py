@@ -13,9 +13,9 @@ from safetensors.numpy import load_file, save_file
 
 from appocc.errors import DataError
 from benchmarks.reader.examples import Example, example_of, read_sentences
-from benchmarks.reader.network import TorchReader, batch_of, export_weights
+from benchmarks.reader.network import TorchReader, batch_of, export_weights, stacked
+from benchmarks.reader.training import loss_of
 from benchmarks.reader.variants import Variants
-from benchmarks.train_reader import loss_of
 from grounding.language.reader.fields import CHOICES
 from grounding.language.reader.network import MAX_TOKENS, ReaderNetwork
 from grounding.language.reader.reader import WEIGHTS_PATH, default_reader, load_reader
@@ -57,7 +57,7 @@ def test_damaged_weights_are_reported(weights: Path) -> None:
     with pytest.raises(DataError, match=f"{weights}: cannot be read"):
         load_reader(weights)
     for name, array, reason in (
-        ("table", good["table"][1:], r"table: expected shape \(8192, 64\)"),
+        ("table", good["table"][:, 1:], r"table: expected shape \(2, 8192, 64\)"),
         ("rule.action", good["rule.action"][1:], r"rule.action: expected shape \(7,\)"),
         ("point.bias", good["point.bias"] * np.float16(np.nan), "point.bias: expected finite numbers"),
     ):
@@ -74,27 +74,33 @@ def examples() -> list[Example]:
     return [one for one in map(example_of, labels) if one is not None]
 
 
-def test_the_network_in_numpy_is_that_in_torch() -> None:
+def test_the_networks_in_numpy_are_those_in_torch_and_their_mean_is_returned() -> None:
     torch.manual_seed(1)
-    network = TorchReader(CHOICES, size=8, hidden=6, dropout=0.2, feature_dropout=0.1).eval()
-    for value in network.parameters():
+    sizes: dict[str, Any] = {"size": 8, "hidden": 6, "dropout": 0.2, "feature_dropout": 0.1, "word_dropout": 0.1}
+    networks = [TorchReader(CHOICES, **sizes).eval() for _ in range(3)]
+    for value in (one for network in networks for one in network.parameters()):
         value.data = value.data.half().float()
     chosen = examples()
-    found = network(batch_of([(one.rows, one.facts) for one in chosen]))
-    twin = ReaderNetwork(export_weights(network))
+    batch = batch_of([(one.rows, one.facts) for one in chosen])
+    outputs = [network(batch) for network in networks]
+    found = {field: torch.stack([one[field].exp() for one in outputs]).mean(0).detach() for field in outputs[0]}
+    odds = torch.stack([torch.sigmoid(one["qualifier"]) for one in outputs]).mean(0).detach()
+    ensemble = ReaderNetwork(stacked([export_weights(network) for network in networks]))
     for i, one in enumerate(chosen):
-        prediction = twin.predict_rows(one.rows, one.facts)
+        prediction = ensemble.predict_rows(one.rows, one.facts)
         for field, shares in prediction.choices.items():
             if field != "colour":
-                np.testing.assert_allclose(list(shares.values()), found[field][i].exp().detach(), atol=1e-5)
-        assert prediction.choices["colour"]["none"] == pytest.approx(found["colour"][i, 0].exp().item(), abs=1e-5)
-        odds = torch.sigmoid(found["qualifier"][i]).detach()
-        np.testing.assert_allclose(list(prediction.qualifiers.values()), odds, atol=1e-5)
+                np.testing.assert_allclose(list(shares.values()), found[field][i], atol=1e-5)
+        assert prediction.choices["colour"]["none"] == pytest.approx(found["colour"][i, 0].item(), abs=1e-5)
+        np.testing.assert_allclose(list(prediction.qualifiers.values()), odds[i], atol=1e-5)
 
 
 def test_training_lowers_the_loss() -> None:
     torch.manual_seed(1)
-    network, chosen = TorchReader(CHOICES, size=8, hidden=6, dropout=0.0, feature_dropout=0.0), examples()
+    network, chosen = (
+        TorchReader(CHOICES, size=8, hidden=6, dropout=0.0, feature_dropout=0.0, word_dropout=0.0),
+        examples(),
+    )
     optimiser = torch.optim.AdamW(network.parameters(), 0.02)
     losses = []
     for _ in range(12):

@@ -1,0 +1,133 @@
+"""Training of reader networks: on all speakers, and on all but those of each fold."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+import torch
+from safetensors.numpy import load_file, save_file
+from torch import Tensor, nn
+
+from appocc.files import whole_file
+from benchmarks.reader.examples import Example, Sentence, preferences
+from benchmarks.reader.network import TorchReader, batch_of, export_weights, stacked
+from grounding.language.reader.network import Numbers
+
+# Networks of an ensemble, each with its own seed.
+SEED, MEMBERS, BATCH = 0, 2, 32
+# Numbers a word, states a direction, and shares of dropped states, features, and words.
+SIZES: dict[str, Any] = {"size": 64, "hidden": 64, "dropout": 0.3, "feature_dropout": 0.15, "word_dropout": 0.1}
+_FIELD_WEIGHTS = {"status": 2.0, "direction": 0.7, "goal_side": 0.5, "landmark": 0.5, "trigger": 0.5, "act": 2.0}
+
+
+@dataclass(frozen=True)
+class Training:
+    """How the networks are trained.
+
+    Attributes:
+        make: makes a new network, of the given number in its ensemble.
+        example_of: makes an example of a label; None for one without words.
+        rate: largest learning rate.
+        steps: steps of each training.
+        workers: trainings at a time, with one thread each.
+        work: folder of the networks; those that are there are not trained again.
+    """
+
+    make: Callable[[int], TorchReader]
+    example_of: Callable[[dict[str, Any]], Example | None]
+    rate: float
+    steps: int
+    workers: int
+    work: Path
+
+    def run(self, learnt: Sequence[Sentence], folds: Sequence[Sequence[Sentence]]) -> list[dict[str, Numbers]]:
+        """Return the weights of an ensemble of all sentences, then of one without the speakers of each fold."""
+        held: list[set[str]] = [set(), *({one.speaker for one in fold} for fold in folds)]
+        with ProcessPoolExecutor(self.workers, initializer=torch.set_num_threads, initargs=(1,)) as pool:
+            examples = list(pool.map(self.example_of, [one.label for one in learnt], chunksize=100))
+            pairs = [(example, one) for example, one in zip(examples, learnt, strict=True) if example is not None]
+            parts = [[pair for pair in pairs if pair[1].speaker not in out] for out in held]
+            inputs = [[[pair[0] for pair in part], [pair[1].weight for pair in part]] for part in parts]
+            names = ["all", *range(1, len(held))]
+            paths = [[self.work / f"{name}_{member}.safetensors" for member in range(MEMBERS)] for name in names]
+            list(pool.map(self._train_all, paths, *zip(*inputs, strict=True)))
+        return [stacked([load_file(path) for path in members]) for members in paths]
+
+    def _train_all(self, paths: Sequence[Path], examples: Sequence[Example], weights: Sequence[float]) -> None:
+        """Write networks trained on examples that are drawn by their weights, but those that are there."""
+        for member, path in enumerate(paths):
+            if not path.exists():
+                torch.manual_seed(SEED + member)
+                network = self.make(member)
+                train(network, examples, np.array(weights), steps=self.steps, rate=self.rate, seed=SEED + member)
+                with whole_file(path) as temporary:
+                    save_file(export_weights(network), temporary)
+
+
+def train(
+    network: TorchReader, examples: Sequence[Example], weights: Numbers, steps: int, rate: float, seed: int
+) -> None:
+    """Train a network on examples that are drawn by their weights."""
+    optimiser = torch.optim.AdamW(network.parameters(), rate, weight_decay=1e-4)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, rate, total_steps=steps, pct_start=0.1)
+    drawn = np.random.default_rng(seed).choice(len(examples), (steps, BATCH), p=weights / weights.sum())
+    for step, numbers in enumerate(drawn, start=1):
+        chosen = [examples[i] for i in numbers]
+        loss = loss_of(network(batch_of([(one.rows, one.facts) for one in chosen])), chosen)
+        optimiser.zero_grad()
+        torch.autograd.backward(loss)
+        nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+        optimiser.step()
+        schedule.step()
+        if step % 500 == 0:
+            print(f"  step {step} of {steps}, loss {loss.item():.2f}", flush=True)
+
+
+def loss_of(found: dict[str, Tensor], examples: Sequence[Example]) -> Tensor:
+    """Return the mean loss of a batch: minus the log probability of all right values together, of each field."""
+    total = torch.zeros(())
+    for field, scores in found.items():
+        if field == "qualifier":
+            wanted, counts = (torch.from_numpy(np.stack([one.qualifiers[i] for one in examples])) for i in (0, 1))
+            total = (
+                total
+                + (nn.functional.binary_cross_entropy_with_logits(scores, wanted, reduction="none") * counts).sum()
+            )
+            continue
+        added, trained = preferences(examples, field, scores.shape[1])
+        total = total - _FIELD_WEIGHTS.get(field, 1.0) * (torch.logsumexp(scores + added, 1) * trained).sum()
+    return total / len(examples)
+
+
+def folds_of(sentences: Sequence[Sentence], count: int) -> list[list[Sentence]]:
+    """Return the sentences of strangers in folds, all of one speaker in one."""
+    folds: list[list[Sentence]] = [[] for _ in range(count)]
+    for one in sentences:
+        if one.is_stranger:
+            folds[crc32(one.speaker.removeprefix("stranger ").encode()) % count].append(one)
+    return folds
+
+
+def arguments(doc: str, out: Path, work: Path, steps: int) -> argparse.Namespace:
+    """Return the arguments of a training: out, work, folds, steps, workers."""
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=out)
+    parser.add_argument("--work", type=Path, default=work)
+    parser.add_argument("--folds", type=int, default=3)
+    parser.add_argument("--steps", type=int, default=steps)
+    parser.add_argument("--workers", type=int, default=1)
+    return parser.parse_args()
+
+
+def write_reader(path: Path, weights: Mapping[str, Numbers], rule: Mapping[str, Numbers]) -> None:
+    """Write a weights file: the network's and the rule's."""
+    with whole_file(path) as temporary:
+        save_file({**weights, **{f"rule.{name}": value for name, value in rule.items()}}, temporary)
+    print(f"{path}: {path.stat().st_size} bytes")
