@@ -9,6 +9,7 @@ from typing import Any
 from grounding.language.problems import ParseProblem
 from grounding.language.reader.reader import default_reader
 from grounding.language.reader.revision import Evidence, Revision
+from grounding.language.reader.word_classes import classes_of
 from grounding.language.reading import Reading
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import WordCategory
@@ -77,8 +78,10 @@ def _rejected(reading: Reading, revision: Revision) -> Reading:
 def _accepted(reading: Reading, revision: Revision) -> Reading:
     """Return the network's reading of a sentence that the grammar takes for no command."""
     query = revision.query
-    # What is negated may be read as its opposite.
-    sure = revision.sure >= _SURE and not evidence_of(reading).contrary
+    # What is negated may be read as its opposite, and a word that nobody knows may be the verb.
+    unknown = (token for token in reading.tokens if token.category is WordCategory.UNKNOWN)
+    strange = any(not classes_of(word) for token in unknown for word in token.text.split())
+    sure = revision.sure >= _SURE and not (strange or evidence_of(reading).contrary)
     return Reading(
         query,
         tokens=reading.tokens,
