@@ -30,8 +30,6 @@ _SURE_COMMAND = 0.8
 _MEASURED = ("more", "less", "shift")
 # Most words of a turn that the grammar understands and is believed about.
 _SHORT = 6
-# Acts that a short turn may have although the grammar understands its words: "nice driving".
-_WITHOUT_COMMAND = ("remark", "cancel")
 # Kinds of the patterns of replies that have another name as acts.
 ACTS_OF_KINDS = {"thanks": "remark", "former": "number", "latter": "number"} | dict.fromkeys(SHIFTS, "shift")
 
@@ -119,7 +117,9 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     act = max(scores, key=scores.__getitem__)
     plain = _is_plain(talk, reply, reading)
     doubted = has_verb(reading) and is_understood(reading) and act not in ("command", "then")
-    if scores[act] < (_SURE_AGAINST if doubted or plain else _SURE) or (plain and act not in _WITHOUT_COMMAND):
+    # "Nice driving" and "strike all of it" may be understood as other things; "don't stop" may be for one step only.
+    overruled = act == "remark" or (act == "cancel" and not has_verb(reading))
+    if scores[act] < (_SURE_AGAINST if doubted or plain else _SURE) or (plain and not overruled):
         return None
     number, distance_m = reply.number or _number(tokens), named_distance(text, talk.grounder.lexicon)
     if distance_m is None and act in _MEASURED and any(one.category is WordCategory.NUMBER for one in tokens):
