@@ -274,7 +274,8 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
             return answer
         if state.question is None:
             return shift_last(talk, text, Shift(reply.leading_shift, BIT_M))
-    if reading.doubt and state.request is not None and (answer := answer_fragment(talk, text, reply)):
+    doubted = bool(reading.doubt) and turn is None and state.request is not None
+    if doubted and (answer := answer_fragment(talk, text, reply)):
         return answer  # "in front, easier to get out": the verb is that of a reason
     reasoned = bool(reading.problem) and turn is None and reply.kinds[-1:] and reply.kinds[-1] in _BEFORE_REASONS
     if has_verb(reading) and not reasoned:

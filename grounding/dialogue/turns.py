@@ -116,7 +116,7 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     scores = vote_on_act(prediction.choices["act"], own_act(reply, reading), reader.rule["act"])
     act = max(scores, key=scores.__getitem__)
     plain = _is_plain(talk, reply, reading)
-    doubted = has_verb(reading) and is_understood(reading) and act not in ("command", "then")
+    doubted = _is_command(reading) and act not in ("command", "then")
     # "Nice driving" and "strike all of it" may be understood as other things; "don't stop" may be for one step only.
     overruled = act == "remark" or (act == "cancel" and not has_verb(reading))
     if scores[act] < (_SURE_AGAINST if doubted or plain else _SURE) or (plain and not overruled):
@@ -132,10 +132,18 @@ def _is_plain(talk: Conversation, reply: Reply, reading: Reading) -> bool:
     if reply.number is not None or len(reading.tokens) > _SHORT or not reply.rest:
         return reply.number is not None
     if has_verb(reading):
-        return is_understood(reading)
+        return _is_command(reading) or "without" in reply.kinds
     base, about, read = talk.state.request, talk.antecedent, talk.readings
     described = read_description(reply.rest, about, read, whole=True)
     return base is not None and bool(described or complete(reply.rest, base.query, about, read, whole=True))
+
+
+def _is_command(reading: Reading) -> bool:
+    """Return whether the grammar understands a command that asks for, or forbids, something: "move up" does not."""
+    query = reading.query
+    names = query.referent or query.secondary or query.direction or query.manoeuvre or query.relation != "none"
+    forbids = any(token.category is WordCategory.NOT for token in reading.tokens)
+    return has_verb(reading) and is_understood(reading) and bool(names or forbids or query.action != "other")
 
 
 def state_of(talk: Conversation) -> State:

@@ -100,6 +100,17 @@ def test_a_vehicle_and_a_place_after_a_comma_are_both_taken() -> None:
     assert (answer.referent and answer.referent.item.id, answer.query.relation) == ("blue", "in_front_of")
 
 
+@pytest.mark.parametrize("turn", ["Can you move up a metre or so?", "move up a metre", "scoot up one metre please"])
+def test_moving_up_moves_the_goal_ahead(turn: str) -> None:
+    session = Street().car("far", 30, -5, RED).grounder().session()
+    goal = session.say("stop 8 metres behind the red car").target
+    moved = session.say(turn)
+    assert goal is not None
+    assert moved.target is not None
+    assert 0.5 < moved.target.ego_m[0] - goal.ego_m[0] < 1.5
+    assert moved.referent is not None
+
+
 def test_a_vehicle_and_a_place_answer_a_question() -> None:
     answer = two_whites().say("the one on the right, behind it")
     assert (answer.referent and answer.referent.item.id, answer.query.relation) == ("right", "behind")
