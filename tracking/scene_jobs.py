@@ -12,7 +12,7 @@ from appocc.boxes import Boxes, is_person_or_bicycle
 from appocc.nuscenes import Dataset, Scene
 from tracking.evaluation.clear_id_hota import MetricCounts, Metrics
 from tracking.evaluation.scene import KINDS, count_scene, metrics_of, read_truths, write_scored_tracks
-from tracking.pipeline import SceneFrames, SceneTracks, read_key_frames, track_maps
+from tracking.pipeline import SceneFrames, SceneTracks, track_maps
 
 
 class TrackedScene(NamedTuple):
@@ -80,7 +80,7 @@ def scene_inputs(dataset: Dataset, folders: Mapping[Scene, Path]) -> Iterator[Sc
         DataError: if a scene has no key frames, or a table entry cannot be true.
     """
     for scene, folder in folders.items():
-        frames = SceneFrames(scene.name, *read_key_frames(dataset, scene))
+        frames = SceneFrames.of(dataset, scene)
         yield SceneInput(frames, read_truths(dataset, scene.name, frames.samples), folder)
 
 

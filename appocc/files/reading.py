@@ -142,18 +142,23 @@ def read_json(path: PathLike) -> Any:
         raise DataError(f"{path}: no valid JSON ({error})") from error
 
 
-def zip_arrays(data: bytes) -> NpzFile:
+def zip_arrays(data: bytes | BinaryIO) -> NpzFile:
     """Open the arrays of an .npz file by name, without unpickling.
+
+    Of an open file only the directory is read, and then what is asked for.
 
     Raises:
         ValueError: if it is not an .npz file or too large when unpacked. Reading a damaged array raises nearly any
             error of zipfile, zlib and numpy.
     """
-    handle = io.BytesIO(data)
+    handle = io.BytesIO(data) if isinstance(data, bytes) else data
     if not zipfile.is_zipfile(handle):
         raise ValueError("no .npz archive, or truncated")
-    with zipfile.ZipFile(handle) as archive:
-        unpacked = sum(part.file_size for part in archive.infolist())
+    try:
+        with zipfile.ZipFile(handle) as archive:
+            unpacked = sum(part.file_size for part in archive.infolist())
+    except zipfile.BadZipFile as error:
+        raise ValueError(str(error)) from error
     if unpacked > _MOST_UNPACKED:
         raise ValueError(f"expected at most {_MOST_UNPACKED} bytes when unpacked, got {unpacked}")
     handle.seek(0)

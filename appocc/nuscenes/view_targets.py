@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from appocc.checks import ByteArray, check_dtype, check_shape, frozen
 from appocc.errors import DataError, ShapeError
-from appocc.files import read_file, whole_file, zip_arrays
+from appocc.files import open_plain, read_file, whole_file, zip_arrays
 
 # Side of a block of image pixels that shares one target.
 BLOCK_PX = 8
@@ -110,14 +110,13 @@ def load_view_targets(path: Path) -> dict[str, ViewTargets]:
 
 
 def count_labelled_images(path: Path) -> int:
-    """Return how many images of a sample have pixel classes; they are not unpacked.
+    """Return how many images of a sample have pixel classes, by the directory of the file.
 
     Raises:
         DataError: if the file is missing or damaged.
     """
-    packed = read_file(path)
     try:
-        with zip_arrays(packed) as data:
+        with open_plain(path) as file, zip_arrays(file) as data:
             return len(_labelled(data))
     except ValueError as error:
         raise DataError(f"{path}: damaged depth and classes of pixels ({error})") from error

@@ -127,7 +127,7 @@ def describe_and_place(text: str, base: Query, antecedent: Referent | None, read
     Returns:
         A reading whose query is partial: it has the vehicle and the place; None if the fragment has not both.
     """
-    parts = [part.strip() for part in _MARK.split(text) if part.strip()]
+    parts = _parts(text)
     halves = [(", ".join(parts[:i]), ", ".join(parts[i:])) for i in range(1, len(parts))]
     for named, place in (*halves, *((after, before) for before, after in halves)):
         described = read_description(named, antecedent, read, whole=True)
@@ -150,11 +150,15 @@ def _names_vehicle(described: Reading) -> bool:
 
 def _shortened(text: str) -> Iterator[str]:
     """Yield a text, and what is left of it without its last and its first parts: reasons and second thoughts."""
-    parts = [part.strip() for part in _MARK.split(text) if part.strip()]
+    parts = _parts(text)
     yield text
     for length in range(len(parts) - 1, 0, -1):
         yield ", ".join(parts[:length])
         yield ", ".join(parts[-length:])
+
+
+def _parts(text: str) -> list[str]:
+    return [part.strip() for part in _MARK.split(text) if part.strip()]
 
 
 def _with_query(reading: Reading, query: Query) -> Reading:

@@ -84,16 +84,16 @@ def look_for(talk: Conversation, text: str, words: str, guess: Reading | None = 
     reading = read_description(words, talk.antecedent, talk.readings) or guess
     if reading is None or reading.query.referent is None:
         return not_understood(talk, text, talk.read(text))
-    found = resolve(Query("", referent=reading.query.referent), talk.scene)
-    here = found.candidates if found.status != "not_found" else ()
-    if here and not find_all(reading.query.referent, talk.scene):
-        looks = [describe_object(one.item, talk.scene) for one in here[:1]]
-        return aside(talk, text, f"nothing here is certainly '{reading.query.referent.phrase()}'", *looks)
-    if found.status == "ok" and here:
-        talk.state = replace(talk.state, focus=(here[0], reading.query.referent))
-    if not here:
+    sought = reading.query.referent
+    found = resolve(Query("", referent=sought), talk.scene)
+    if found.status == "not_found" or not found.candidates:
         return aside(talk, text, *found.reasons)
-    return aside(talk, text, *(describe_object(one.item, talk.scene) for one in here))
+    told = [describe_object(one.item, talk.scene) for one in found.candidates]
+    if not find_all(sought, talk.scene):
+        return aside(talk, text, f"nothing here is certainly '{sought.phrase()}'", told[0])
+    if found.status == "ok":
+        talk.state = replace(talk.state, focus=(found.candidates[0], sought))
+    return aside(talk, text, *told)
 
 
 def tell_vehicle(talk: Conversation, text: str) -> Answer:

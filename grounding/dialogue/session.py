@@ -267,7 +267,7 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
         and state.question.plan.question
     ):
         return confirm(talk, text)
-    if reply.leading_shift and (answer := shift_from_named(talk, text, reply)):
+    if answer := shift_from_named(talk, text, reply):
         return answer
     if reply.leading_shift and reading.problem:
         if answer := answer_fragment(talk, text, reply):

@@ -78,7 +78,7 @@ def _rejected(reading: Reading, revision: Revision) -> Reading:
 def _accepted(reading: Reading, revision: Revision) -> Reading:
     """Return the network's reading of a sentence that the grammar takes for no command."""
     query = revision.query
-    # What is negated may be read as its opposite, and a word that nobody knows may be the verb.
+    # Negated commands are easily misread, and an unknown word may be the verb.
     unknown = (token for token in reading.tokens if token.category is WordCategory.UNKNOWN)
     strange = any(not classes_of(word) for token in unknown for word in token.text.split())
     sure = revision.sure >= _SURE and not (strange or evidence_of(reading).contrary)

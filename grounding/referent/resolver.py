@@ -115,8 +115,10 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
 
 def with_partner(chosen: Candidate, query: Query, scene: SceneModel) -> Candidate:
     """Return a settled vehicle with the other end of "between" that fits best, unchanged without one."""
+    if query.relation != "between" or chosen.partner is not None:
+        return chosen
     sought = _normalise(query)
-    if query.relation != "between" or chosen.partner is not None or sought.referent is None:
+    if sought.referent is None:
         return chosen
     scores = score_objects(sought, sought.referent, scene)
     pairs = _rank_choices(sought, sought.referent, scene, scores)

@@ -54,9 +54,11 @@ def test_classes_without_depth_are_kept_and_images_with_classes_counted(tmp_path
     assert again["CAM_BACK"].depth_m is not None
     assert (again["CAM_FRONT"].kind == kind).all()
     assert count_labelled_images(tmp_path / "one.npz") == 2
-    (tmp_path / "bad.npz").write_bytes(b"no zip")
-    with pytest.raises(DataError, match="damaged depth and classes"):
-        count_labelled_images(tmp_path / "bad.npz")
+    whole = (tmp_path / "one.npz").read_bytes()
+    for damaged in (b"no zip", whole.replace(b"PK\x01\x02", b"PK\x09\x09")):
+        (tmp_path / "bad.npz").write_bytes(damaged)
+        with pytest.raises(DataError, match="damaged depth and classes"):
+            count_labelled_images(tmp_path / "bad.npz")
 
 
 def test_classes_that_are_not_known_are_refused(tmp_path: Path) -> None:

@@ -122,6 +122,11 @@ class SceneFrames(NamedTuple):
     samples: tuple[Sample, ...]
     world_from_ego: FloatArray
 
+    @classmethod
+    def of(cls, dataset: Dataset, scene: Scene) -> SceneFrames:
+        """Read the key frames of a scene; raises DataError as `read_key_frames`."""
+        return cls(scene.name, *read_key_frames(dataset, scene))
+
 
 def track_scene(
     dataset: Dataset,
@@ -141,7 +146,7 @@ def track_scene(
     """
     return track_maps(
         dataset.root,
-        SceneFrames(scene.name, *read_key_frames(dataset, scene)),
+        SceneFrames.of(dataset, scene),
         source,
         tracker=tracker,
         instance_config=instance_config,
