@@ -29,6 +29,8 @@ _POSTMODIFIERS = {
     "left_side": "on the left",
     "right_side": "on the right",
     "opposite_side": "on the opposite side",
+    "own_side": "on our side",
+    "same_way": "facing the same way as us",
     "ahead": "ahead",
     "behind_ego": "behind us",
     **{f"{which}_lane": f"in the {which} lane" for which in ("left", "right", "middle", "other")},

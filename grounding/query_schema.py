@@ -50,6 +50,7 @@ Qualifier = Literal[
     "left_side",
     "right_side",
     "opposite_side",
+    "own_side",
     "own_lane",
     "left_lane",
     "right_lane",

@@ -43,6 +43,7 @@ State = Literal[
     "stopped",
     "moving",
     "oncoming",
+    "same_way",
     "turning",
     "turning_left",
     "turning_right",

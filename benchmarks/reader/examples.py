@@ -13,7 +13,7 @@ from torch import Tensor
 
 from grounding.language.evaluation import read_labelled_commands
 from grounding.language.reader.features import WordFacts, token_features, word_facts
-from grounding.language.reader.fields import CHOICES, NONE, NOUNS, QUALIFIERS
+from grounding.language.reader.fields import ACTIONS, CHOICES, NONE, NOUNS, QUALIFIERS
 from grounding.language.reader.network import MAX_TOKENS
 from grounding.language.syntax.tokenizer import normalise, tokenise
 
@@ -72,19 +72,20 @@ class Example:
         rows: rows of the feature table of each word.
         facts: facts of each word.
         right: field -> indices of the right values, the preferred one first; empty: not trained.
-        qualifiers: (Q,) whether the label has each, and (Q,) whether that counts.
+        tags: (G,) whether the label has each of `TAGS`, and (G,) whether that counts.
     """
 
     rows: list[list[int]]
     facts: list[WordFacts]
     right: dict[str, list[int]]
-    qualifiers: tuple[np.ndarray, np.ndarray]
+    tags: tuple[np.ndarray, np.ndarray]
 
 
 def example_of(label: dict[str, Any]) -> Example | None:
     """Return the example of a labelled sentence, None for one without words."""
     rows, facts = _read_words(label["command"])
-    return Example(rows, facts, _right_values(label, facts), _qualifiers(label)) if rows else None
+    tags = tags_of(label["referent"], label["status"] == "ok", label)
+    return Example(rows, facts, _right_values(label, facts), tags) if rows else None
 
 
 def _read_words(text: str) -> tuple[list[list[int]], list[WordFacts]]:
@@ -111,11 +112,22 @@ def colour_words(colour: str | None, facts: Sequence[WordFacts]) -> list[int]:
     return [1 + i for i, fact in enumerate(facts) if fact.colour == colour] if colour else [0]
 
 
-def _qualifiers(label: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
-    referent = label["referent"] or {}
-    said, optional = (set(referent.get(key, ())) for key in ("qualifiers", "qualifiers_optional"))
-    counts = [label["status"] == "ok" and one not in optional for one in QUALIFIERS]
-    return np.array([one in said for one in QUALIFIERS], np.float32), np.array(counts, np.float32)
+def tags_of(
+    referent: dict[str, Any] | None, describes: bool, command: dict[str, Any] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (G,) which of `TAGS` a label has, and (G,) which of them are trained.
+
+    Args:
+        referent: the vehicle of the label.
+        describes: whether its qualifiers are trained.
+        command: the label of a whole sentence; without one the actions are not trained.
+    """
+    said, optional = (set((referent or {}).get(key, ())) for key in ("qualifiers", "qualifiers_optional"))
+    actions, others = (set((command or {}).get(key, ())) for key in ("actions", "action_alt"))
+    has = [*(one in said for one in QUALIFIERS), *(one in actions for one in ACTIONS)]
+    counts = [describes and one not in optional for one in QUALIFIERS]
+    counts += [command is not None and (one in actions or one not in others) for one in ACTIONS]
+    return np.array(has, np.float32), np.array(counts, np.float32)
 
 
 def preferences(examples: Iterable[Example], field: str, width: int) -> tuple[Tensor, Tensor]:

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from grounding.language.reader.features import TABLE_ROWS, WORD_ROWS, WordFacts
-from grounding.language.reader.fields import NOUNS, QUALIFIERS
+from grounding.language.reader.fields import NOUNS, TAGS
 from grounding.language.reader.network import Numbers
 
 _IMPOSSIBLE = -1e4
@@ -72,14 +72,14 @@ class TorchReader(nn.Module):
         self.attention = nn.Linear(both, len(choices) + 1)
         self.choices = nn.ModuleDict({field: nn.Linear(2 * both, len(values)) for field, values in choices.items()})
         self.nothing, self.point = nn.Linear(2 * both, 2), nn.Linear(both, 2)
-        self.classes, self.qualifier = nn.Linear(both, len(NOUNS) - 1), nn.Linear(both, len(QUALIFIERS))
-        self.qualifier_prior = nn.Parameter(torch.full((len(QUALIFIERS),), -2.0))
+        self.classes, self.tag = nn.Linear(both, len(NOUNS) - 1), nn.Linear(both, len(TAGS))
+        self.tag_prior = nn.Parameter(torch.full((len(TAGS),), -2.0))
         self._drop, self._feature_dropout, self._word_dropout = nn.Dropout(dropout), feature_dropout, word_dropout
 
     def forward(self, batch: Batch) -> dict[str, Tensor]:
         """Return field -> (B, values) log probabilities; "colour": (B, 1 + T), none and each word.
 
-        "qualifier" has (B, qualifiers) log odds.
+        "tag" has (B, tags) log odds.
         """
         rows = batch.rows
         if self.training:
@@ -105,7 +105,7 @@ class TorchReader(nn.Module):
         found["noun"] = self._nouns(words, batch.nouns, torch.cat([nothing[:, :1], pointed[..., 0]], 1))
         coloured = pointed[..., 1] + (~batch.colours).float() * _IMPOSSIBLE
         found["colour"] = torch.log_softmax(torch.cat([nothing[:, 1:], coloured], 1), -1)
-        found["qualifier"] = torch.logsumexp(self.qualifier(words) + padding[..., None], 1) + self.qualifier_prior
+        found["tag"] = torch.logsumexp(self.tag(words) + padding[..., None], 1) + self.tag_prior
         return found
 
     def _nouns(self, words: Tensor, known: Tensor, pointed: Tensor) -> Tensor:
@@ -143,14 +143,14 @@ def start_from(network: TorchReader, weights: Mapping[str, Numbers], fields: Seq
 
 def _sources(network: TorchReader) -> dict[str, str]:
     """Return exported name -> name in the state of the network."""
-    sources = {"table": "table.weight", "qualifier_prior": "qualifier_prior"}
+    sources = {"table": "table.weight", "tag_prior": "tag_prior"}
     for layer in (0, 1):
         for direction, suffix in (("forward", ""), ("backward", "_reverse")):
             for name, source in (("input", "ih"), ("state", "hh")):
                 sources[f"gru{layer}.{direction}.{name}"] = f"gru.weight_{source}_l{layer}{suffix}"
                 sources[f"gru{layer}.{direction}.{name}_bias"] = f"gru.bias_{source}_l{layer}{suffix}"
     names = {"attention": "attention", "nothing": "nothing", "point": "point"}
-    names |= {"class": "classes", "qualifier": "qualifier"} | {one: f"choices.{one}" for one in network.fields}
+    names |= {"class": "classes", "tag": "tag"} | {one: f"choices.{one}" for one in network.fields}
     for name, source in names.items():
         sources |= {f"{name}.{part}": f"{source}.{part}" for part in ("weight", "bias")}
     return sources

@@ -94,8 +94,8 @@ def loss_of(found: dict[str, Tensor], examples: Sequence[Example]) -> Tensor:
     """Return the mean loss of a batch: minus the log probability of all right values together, of each field."""
     total = torch.zeros(())
     for field, scores in found.items():
-        if field == "qualifier":
-            wanted, counts = (torch.from_numpy(np.stack([one.qualifiers[i] for one in examples])) for i in (0, 1))
+        if field == "tag":
+            wanted, counts = (torch.from_numpy(np.stack([one.tags[i] for one in examples])) for i in (0, 1))
             total = (
                 total
                 + (nn.functional.binary_cross_entropy_with_logits(scores, wanted, reduction="none") * counts).sum()

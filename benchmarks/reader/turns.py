@@ -8,11 +8,9 @@ from pathlib import Path
 from typing import Any, get_args
 from zlib import crc32
 
-import numpy as np
-
 from appocc.errors import DataError
 from appocc.files import read_text
-from benchmarks.reader.examples import Example, Sentence, colour_words, read_sentences
+from benchmarks.reader.examples import Example, Sentence, colour_words, read_sentences, tags_of
 from grounding.dialogue.turns import ACTS_OF_KINDS
 from grounding.language.reader.features import WordFacts
 from grounding.language.reader.fields import ACTS, NONE, NOUNS, QUALIFIERS, TURN_CHOICES
@@ -125,10 +123,7 @@ def turn_example(label: dict[str, Any]) -> Example | None:
     if names:
         right["noun"] = [NOUNS.index(one) for one in _nouns(referent, facts)]
         right["colour"] = colour_words((referent or {}).get("colour"), facts)
-    said, optional = (set((referent or {}).get(key, ())) for key in ("qualifiers", "qualifiers_optional"))
-    counts = [names and one not in optional for one in QUALIFIERS]
-    qualifiers = np.array([one in said for one in QUALIFIERS], np.float32), np.array(counts, np.float32)
-    return Example(rows, facts, right, qualifiers)
+    return Example(rows, facts, right, tags_of(referent, names))
 
 
 def _nouns(referent: dict[str, Any] | None, facts: list[WordFacts]) -> list[str]:

@@ -9,7 +9,13 @@ from grounding.answer import Answer
 from grounding.answering import Request, without
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import find_fitting, widen
-from grounding.dialogue.fragments import complete, describe_and_place, names_pronoun, read_description
+from grounding.dialogue.fragments import (
+    begins_with_place,
+    complete,
+    describe_and_place,
+    names_pronoun,
+    read_description,
+)
 from grounding.dialogue.merging import merge_request
 from grounding.dialogue.reports import ask_again, cancel, inform
 from grounding.dialogue.telling import said
@@ -38,12 +44,12 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
     if both := describe_and_place(reply.rest, base, antecedent, talk.readings):
         return _replace(talk, text, both, request)
     describes = turn is not None and turn.act == "describe" and turn.best("relation") == "none"
+    describes = describes and not begins_with_place(reply.rest, talk.readings)  # "behind the beige one would do"
     # A relation in a mere description is that of a neighbour, or the grammar's mistake.
     reading = None if describes else complete(reply.rest, base, antecedent, talk.readings)
     if reading is not None and talk.antecedent is None and names_pronoun(reading):
         reading = complete(reply.rest, base, None, talk.readings)  # "it" refers to nothing yet
-    lacks = reading is None or (turn is not None and reading.query.relation == "none" != turn.best("relation"))
-    if turn is not None and turn.act == "place" and lacks and (place := turn.placed(text)):
+    if turn is not None and turn.act == "place" and turn.replaces(reading) and (place := turn.placed(text)):
         described = read_description(reply.rest, antecedent, talk.readings) if place.referent is None else None
         place = replace(place, referent=described.query.referent) if described else place
         reading = Reading(place, steps=(place,))

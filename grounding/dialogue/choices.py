@@ -9,10 +9,11 @@ import numpy as np
 from grounding.answer import Answer
 from grounding.answering import Request, accept_proposal, without
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.descriptions import without_qualifiers
+from grounding.dialogue.descriptions import find_fitting, without_qualifiers
 from grounding.dialogue.reports import ask_again, inform, keep, not_understood
 from grounding.dialogue.telling import said
-from grounding.query import Referent
+from grounding.language import Reading
+from grounding.query import Query, Referent
 from grounding.referent.resolver import resolve
 from grounding.road.lane_model import LANE_M
 
@@ -44,11 +45,13 @@ def confirm(talk: Conversation, text: str) -> Answer:
 
 
 def take_any(talk: Conversation, text: str) -> Answer:
-    """Take the best candidate of the open question: "whichever is easier"."""
+    """Take the best candidate of the open question, on our side if there is one: "whichever is easier"."""
     question, request = talk.state.question, talk.state.request
     if question is None or request is None or not question.candidates:
         return confirm(talk, text)
-    return talk.choose(question.candidates[0], request, text)
+    near = replace(Query(text), referent=Referent("vehicle", "one", qualifiers=("own_side",)))
+    ours = find_fitting(Reading(near, steps=(near,)), question.candidates, talk.scene)
+    return talk.choose((ours or question.candidates)[0], request, text)
 
 
 def go_back(talk: Conversation, text: str) -> Answer:

@@ -9,6 +9,7 @@ from itertools import product
 
 from grounding.language import Reading, WordCategory
 from grounding.language.replies import with_superlatives
+from grounding.language.syntax.tokenizer import Token
 from grounding.query import Query, Referent
 
 # The reader of sentences: text, antecedent and verb to readings, best first.
@@ -36,18 +37,29 @@ _LIGHT_ACTIONS = ("other", "approach", "drive_past")
 _NEIGHBOUR = re.compile(
     r"\b(?:with|that has|that's got|which has|who has|having) (?P<neighbour>.+?)"
     r"(?: (?:standing|parked|sitting|waiting|right|just))*"
-    r" (?P<relation>next to|beside|by|near|close to|behind|in front of|left of|right of|opposite)"
+    r" (?P<relation>next to|beside|by|near|close to|behind|in front of|ahead of|left of|right of|opposite)"
     r" (?:it|him|her|them)\b"
 )
-_TURNED = {"behind": "in front of", "in front of": "behind", "left of": "right of", "right of": "left of"}
+_TURNED = {
+    "behind": "in front of",
+    "in front of": "behind",
+    "ahead of": "behind",
+    "left of": "right of",
+    "right of": "left of",
+}
 _PLACE_ACTIONS = ("park", "stop", "pull_over", "wait")
+# Most ways to divide a fragment into a vehicle and a place that are tried.
+_MOST_CUTS = 12
 _VERB_CATEGORIES = (WordCategory.VERB, WordCategory.NONDRIVE, WordCategory.MEANWHILE)
 
 
 def has_verb(reading: Reading) -> bool:
     """Return whether a sentence has a verb in its base form ("stop", not "the parked one") or is a question."""
-    categories = [token.category for token in reading.tokens if not token.form]
-    return any(category in _VERB_CATEGORIES for category in categories) or _is_question(reading)
+    return any(map(_is_base_verb, reading.tokens)) or _is_question(reading)
+
+
+def _is_base_verb(token: Token) -> bool:
+    return token.category in _VERB_CATEGORIES and not token.form
 
 
 def _is_question(reading: Reading) -> bool:
@@ -60,7 +72,9 @@ def names_pronoun(reading: Reading) -> bool:
     if referent is None or not referent.anaphora:
         return False
     heads = (WordCategory.PRONOUN, WordCategory.ONE, WordCategory.NOUN, WordCategory.ORDINAL, WordCategory.COLOUR)
-    first = next((token for token in reading.tokens if token.category in heads), None)
+    verb = next((i for i, token in enumerate(reading.tokens) if _is_base_verb(token)), 0)
+    # "She has left. Then park behind the red one": what is said before the command names other things.
+    first = next((token for token in reading.tokens[verb:] if token.category in heads), None)
     return first is None or first.category is WordCategory.PRONOUN
 
 
@@ -128,7 +142,10 @@ def describe_and_place(text: str, base: Query, antecedent: Referent | None, read
         A reading whose query is partial: it has the vehicle and the place; None if the fragment has not both.
     """
     parts = _parts(text)
-    halves = [(", ".join(parts[:i]), ", ".join(parts[i:])) for i in range(1, len(parts))]
+    # What comes before and after may be a reason: "I don't trust that. The grey one, behind".
+    ends = range(len(parts) + 1)
+    cuts = [(start, i, end) for start in ends for i in ends[start + 1 :] for end in reversed(ends[i + 1 :])]
+    halves = [(", ".join(parts[start:i]), ", ".join(parts[i:end])) for start, i, end in cuts[:_MOST_CUTS]]
     for named, place in (*halves, *((after, before) for before, after in halves)):
         described = read_description(named, antecedent, read, whole=True)
         if described is None or not _names_vehicle(described):
@@ -158,7 +175,7 @@ def _shortened(text: str) -> Iterator[str]:
 
 
 def _parts(text: str) -> list[str]:
-    return [part.strip() for part in _MARK.split(text) if part.strip()]
+    return [part for found in _MARK.split(text) if (part := found.strip().removesuffix(" then"))]
 
 
 def _with_query(reading: Reading, query: Query) -> Reading:
@@ -197,6 +214,12 @@ def _begins_with_event(reading: Reading) -> bool:
     """Return whether a sentence begins with a verb that describes no vehicle: "took you long enough"."""
     first = next(iter(reading.tokens), None)
     return first is not None and first.category is WordCategory.VERB and bool(first.form) and not first.state
+
+
+def begins_with_place(text: str, read: Reader) -> bool:
+    """Return whether the first word of a fragment is a relation: "behind the beige one"."""
+    first = next(iter(read(text, None, "")[0].tokens), None)
+    return first is not None and first.category is WordCategory.RELATION
 
 
 def is_understood(reading: Reading) -> bool:

@@ -129,7 +129,9 @@ def tell_room(talk: Conversation, text: str, words: str) -> Answer:
     base = talk.state.request.query if talk.state.request else Query("", "park")
     reading = complete(words, base, talk.antecedent, talk.readings)
     if reading is None:
-        return not_understood(talk, text, talk.read(text))
+        planned = talk.state.goal is not None and talk.state.question is None
+        told = inform(talk, text, "yes: there is room for us at the goal") if planned else None
+        return told or not_understood(talk, text, talk.read(text))
     chosen = talk.meant if names_pronoun(reading) else None
     query = replace(said(reading, text).query, action=base.action or "park")
     requests = [replace(one, chosen=chosen) for one in requests_of(replace(reading, query=query, steps=(query,)))]

@@ -12,14 +12,13 @@ from appocc.boxes import Boxes
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from grounding.answer import Answer
-from grounding.answering import Request, pick, requests_of
+from grounding.answering import pick
 from grounding.dialogue.changes import (
     BIT_M,
     answer_fragment,
     change_distance,
     described_by,
     drop_steps,
-    replace_step,
     scale_distance,
     shift_from_named,
     shift_last,
@@ -37,32 +36,33 @@ from grounding.dialogue.choices import (
     take_none,
     take_other,
 )
+from grounding.dialogue.commands import answer_command, ask_to_stop
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.descriptions import find_fitting, is_plainly_definite, widen
 from grounding.dialogue.following import follow_plan, relocate
-from grounding.dialogue.fragments import has_verb, is_understood, keep_action, names_pronoun, refers_to_place
-from grounding.dialogue.merging import merge_request, names_gap_only
+from grounding.dialogue.fragments import (
+    complete,
+    has_verb,
+    names_pronoun,
+)
 from grounding.dialogue.reports import (
     ask_again,
     cancel,
     count,
     keep,
     look_for,
-    not_understood,
     tell_goal,
     tell_reasons,
     tell_room,
     tell_seen,
     tell_vehicle,
 )
-from grounding.dialogue.telling import ask, said
+from grounding.dialogue.telling import ask
 from grounding.dialogue.turns import Turn, read_turn
 from grounding.goal.shift import Shift
-from grounding.language import Reading, WordCategory
 from grounding.language.reader.fields import NONE
 from grounding.language.replies import Reply, read_reply
 from grounding.referent.resolver import Candidate
-from grounding.vocabulary import Action
+from grounding.vocabulary import POSITIONS
 from tracking.tracks import Track
 
 if TYPE_CHECKING:
@@ -98,6 +98,8 @@ _ACTS: Mapping[str, Callable[[Conversation, str], Answer]] = {
     "less": partial(shift_more, sign=-1.0),
     "elsewhere": partial(shift_last, shift=Shift("ahead", _ELSEWHERE_M)),
 }
+# Replies that mean something before any command.
+_WITHOUT_COMMAND = ("seen", "cancel")
 # Replies that hold where what follows is not understood: "cancel, I'm taking a call first".
 _BEFORE_REASONS = ("cancel", "any", "yes", "neither", "thanks", "undo", "why")
 # Replies about the words that follow them.
@@ -150,9 +152,12 @@ class Session:
         """
         talk, reply = self._talk, read_reply(text, self._talk.grounder.lexicon)
         talk.begin_turn()
-        turn = read_turn(talk, text, reply)
-        answer = _answer_turn(talk, text, reply, turn) if turn else None
-        return replace(answer or _answer(talk, text, reply, turn), chooser=self.choose)
+        guess = read_turn(talk, text, reply)
+        turn = guess if guess is not None and guess.is_sure else None
+        answer = (_answer_turn(talk, text, reply, turn) if turn else None) or _answer(talk, text, reply, turn)
+        if answer.status == "not_a_command" and guess is not None and guess.is_likely:
+            answer = _answer_turn(talk, text, reply, guess) or answer  # better than not understood
+        return replace(answer, chooser=self.choose)
 
     def choose(self, number: int) -> Answer:
         """Choose a candidate of the last question, or of the last answer, by its number from 1.
@@ -214,12 +219,18 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
         asked = "" if act == "about" else reply.rest or text  # "what colour is the van" describes none by itself
         return (count if act == "count" else look_for)(talk, text, asked, named)
     if talk.is_opening:
-        return tell_seen(talk, text) if act == "seen" else None
+        if act in ("describe", "place") and not reply.kinds:
+            return ask_to_stop(talk, text, reply.rest)
+        return _ACTS[act](talk, text) if act in _WITHOUT_COMMAND else None
+    if "meant" in reply.kinds and reply.rest and act in ("pause", "remark", "cancel"):
+        return None  # "oh wait, I meant right"
+    if act == "no" and "cancel" in reply.kinds:
+        return cancel(talk, text)
     if act == "number":
-        return choose_number(talk, text, turn.number) if turn.number is not None else None
+        return _answer_number(talk, text, reply, turn.number)
     if act == "shift":
-        shift = Shift(turn.shift, turn.distance_m or BIT_M)
-        return None if reply.leading_shift else shift_last(talk, text, shift)
+        moved = shift_from_named(talk, text, reply)
+        return moved or shift_last(talk, text, Shift(turn.shift, turn.distance_m or BIT_M))
     if act in ("more", "less"):
         return shift_more(talk, text, 1.0 if act == "more" else -1.0, turn.distance_m or BIT_M)
     if act in ("describe", "place"):
@@ -232,11 +243,17 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     return _ACTS[act](talk, text) if act in _ACTS else None
 
 
-def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> Answer:
-    """Answer a sentence that is split into replies and the rest; `turn`: what its reader takes it for."""
+def _answer_number(talk: Conversation, text: str, reply: Reply, number: int | None) -> Answer | None:
+    """Answer a number: of the listed vehicles, else of a row of them: "make it the second"; None without one."""
+    if number is None or talk.state.question is not None or not reply.rest:
+        return None if number is None else choose_number(talk, text, number)
+    word = next((name for name, position in POSITIONS.items() if position == number), "last" if number < 0 else "")
+    return answer_fragment(talk, text, replace(reply, rest=f"the {word} one")) if word else None
+
+
+def _answer_reply(talk: Conversation, text: str, reply: Reply) -> Answer | None:
+    """Answer a number, a shift, a reply without further words, or a question about them; None for what else."""
     state = talk.state
-    turn = turn if turn is not None and turn.act in ("command", "then") else None
-    then = "then" in reply.kinds or (turn is not None and turn.act == "then")
     offered = state.question is not None and not state.question.plan.question
     if reply.number is not None and (not reply.rest or offered):
         named = state.question is None and state.request is not None and state.request.query.distance_m is not None
@@ -246,15 +263,25 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
     if reply.shift:
         distance_m = BIT_M if reply.distance_m is None else reply.distance_m
         return shift_last(talk, text, Shift(reply.shift, distance_m))
+    last = reply.kinds[-1] if reply.kinds else ""
     if not reply.rest:
-        act = _ACTS.get(reply.kinds[-1]) if reply.kinds else None
-        return act(talk, text) if act else _command(talk, text, text, turn=turn)
-    if reply.kinds[-1:] == ("why",):
+        return _ACTS[last](talk, text) if last in _ACTS else None
+    if last == "why":
         return tell_reasons(talk, text)
-    if about := _ABOUT_WORDS.get(reply.kinds[-1] if reply.kinds else ""):
-        return about(talk, text, reply.rest)
+    return _ABOUT_WORDS[last](talk, text, reply.rest) if last in _ABOUT_WORDS else None
+
+
+def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> Answer:
+    """Answer a sentence that is split into replies and the rest; `turn`: what its reader takes it for."""
+    state = talk.state
+    turn = turn if turn is not None and turn.act in ("command", "then") else None
+    then = "then" in reply.kinds or (turn is not None and turn.act == "then")
+    if answer := _answer_reply(talk, text, reply):
+        return answer
+    if not reply.rest:
+        return answer_command(talk, text, text, turn=turn)
     if talk.is_opening and not talk.readings(text, talk.antecedent)[0].problem:
-        return _command(talk, text, text)  # the first sentence stands alone
+        return answer_command(talk, text, text)  # the first sentence stands alone
     reading = talk.read(reply.rest)
     if "without" in reply.kinds and reading.query.action is None:
         reading = talk.read(reply.rest.removeprefix("the "))  # "skip the stop"
@@ -280,89 +307,24 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
     reasoned = bool(reading.problem) and turn is None and reply.kinds[-1:] and reply.kinds[-1] in _BEFORE_REASONS
     if has_verb(reading) and not reasoned:
         edits = "no" in reply.kinds or "meant" in reply.kinds
-        return _command(talk, text, reply.rest, then, "yes" in reply.kinds, edits, turn)
-    if then and not reading.problem:
-        return _command(talk, text, reply.rest, then=True, turn=turn)
+        return answer_command(talk, text, reply.rest, then, "yes" in reply.kinds, edits, turn)
+    if then and not reading.problem and reading.query.relation == "none":
+        return answer_command(talk, text, reply.rest, then=True, turn=turn)  # "then behind the van" is another place
+    if "other" in reply.kinds and _names_place_only(talk, reply.rest):
+        take_other(talk, text)  # "no, the other van. In front of it"
     if answer := answer_fragment(talk, text, reply):
         return answer
     if reasoned:
         return _ACTS[reply.kinds[-1]](talk, text)
     if state.question is not None and state.request is not None and not turn:
         return ask_again(talk, text)
-    return _command(talk, text, text if reading.problem else reply.rest, turn=turn)
+    return answer_command(talk, text, text if reading.problem else reply.rest, turn=turn)
 
 
-def _command(
-    talk: Conversation,
-    text: str,
-    words: str,
-    then: bool = False,
-    agreed: bool = False,
-    edits: bool = False,
-    turn: Turn | None = None,
-) -> Answer:
-    """Answer a command.
-
-    Args:
-        talk: the conversation.
-        text: the sentence.
-        words: the command in it.
-        then: whether it is a further step of the plan in force.
-        agreed: whether it is about the first candidate.
-        edits: whether it corrects the step of the same action.
-        turn: the turn by its reader, if that takes it for a command.
-    """
-    state, grounder = talk.state, talk.grounder
-    readings = talk.readings(words, talk.antecedent, alone=talk.is_opening and words == text)
-    if not is_understood(readings[0]) and not names_pronoun(readings[0]):
-        alone = talk.readings(words)  # with the vote of the reader, which reads sentences that stand alone
-        readings = readings if alone[0].problem else alone
-    if turn is not None:
-        readings = (turn.as_command(readings[0]), *readings[1:])
-    if readings[0].problem:
-        return not_understood(talk, text, readings[0], words)
-    base = state.request
-    readings = tuple(keep_action(said(one, text), base.query if base else None) for one in readings)
-    readings = tuple(widen(one, talk.scene) for one in readings)
-    first = readings[0]
-    if names_pronoun(first):
-        if state.question is not None and len(state.question.candidates) > 1 and not agreed:
-            return ask_again(talk, text)
-        if talk.meant is not None:
-            return talk.take([replace(one, chosen=talk.meant) for one in requests_of(first)], then)
-    elif (
-        state.question is not None
-        and first.query.referent is not None
-        and first.query.referent.anaphora
-        and (fitting := find_fitting(first, state.question.candidates, talk.scene))
-    ):
-        return talk.narrow(fitting, Request(reading=first))
-    answer = grounder.check(words, first, grounder.best_answer(readings))
-    if answer.alternatives:
-        talk.state = replace(state, question=answer, offered=(), asked=requests_of(answer.reading), at=0)
-        return answer
-    if refers_to_place(first) and state.plan and not then:
-        return talk.take((*state.plan[:-1], merge_request(state.plan[-1], first.query)))
-    if base is not None and not then and names_gap_only(first.query):  # "leave three metres"
-        gap = replace(first.query, action=None)
-        return talk.take(state.with_request(merge_request(base, gap)))
-    if forbidden := _forbidden_action(state.plan, first):
-        return drop_steps(talk, text, forbidden)
-    if answer.status == "ambiguous" and state.focus and not state.question and is_plainly_definite(first):
-        # "The van" is the one that the conversation is about.
-        again = [one for one in answer.candidates if one.item.id == state.focus[0].item.id]
-        if again:
-            return talk.take([replace(requests_of(answer.reading)[-1], chosen=again[0])], then)
-    if edits and not then and (edited := replace_step(talk, requests_of(answer.reading))):
-        return edited
-    return talk.take(requests_of(answer.reading), then, answer)
-
-
-def _forbidden_action(plan: Sequence[Request], reading: Reading) -> Action | None:
-    """Return the action of a step that a sentence only forbids, None for any other: "don't overtake it"."""
-    query = reading.query
-    forbids = any(token.category is WordCategory.NOT for token in reading.tokens)
-    if query.action != "other" or query.referent is not None or not forbids:
-        return None
-    verbs = {token.value for token in reading.tokens if token.category is WordCategory.VERB}
-    return next((step.query.action for step in plan if step.query.action in verbs), None)
+def _names_place_only(talk: Conversation, words: str) -> bool:
+    """Return whether words name another place at a vehicle that they do not describe, while a goal is in force."""
+    state = talk.state
+    if state.goal is None or state.question is not None or state.request is None:
+        return False
+    placed = complete(words, state.request.query, talk.antecedent, talk.readings)
+    return placed is not None and names_pronoun(placed)

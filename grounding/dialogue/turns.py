@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.fragments import complete, has_verb, is_understood, read_description
+from grounding.dialogue.fragments import has_verb, is_understood
 from grounding.language import Reading, WordCategory
 from grounding.language.reader.fields import FIELDS, NONE
 from grounding.language.reader.network import Numbers, Prediction
@@ -19,17 +19,18 @@ from grounding.language.syntax.tokenizer import Token, normalise, tokenise
 from grounding.query import Query, Referent
 from grounding.vocabulary import POSITIONS, ShiftDirection
 
-# Least probability of an act that is taken, and of a qualifier.
-_SURE, _LEAST_QUALIFIER = 0.5, 0.5
+# Least probability of an act that is taken, of one that drops the goal, of one where the grammar finds nothing, of
+# a qualifier.
+_SURE, _SURE_CANCEL, _LIKELY, _LEAST_QUALIFIER = 0.5, 0.6, 0.3, 0.5
 _LEAST = 1e-4
 # Least probability of a reply where the grammar finds a command.
 _SURE_AGAINST = 0.75
 # Least probability at which a command that only the network understands is acted upon.
 _SURE_COMMAND = 0.8
+# Least probability of a relation that counts more than the grammar's.
+_SURE_RELATION = 0.9
 # Acts in which a number without a unit is a distance.
 _MEASURED = ("more", "less", "shift")
-# Most words of a turn that the grammar understands and is believed about.
-_SHORT = 6
 # Kinds of the patterns of replies that have another name as acts.
 ACTS_OF_KINDS = {"thanks": "remark", "former": "number", "latter": "number"} | dict.fromkeys(SHIFTS, "shift")
 
@@ -44,6 +45,7 @@ class Turn:
         prediction: probabilities of its fields.
         number: number or ordinal that it names, -1 for the last; None without one.
         distance_m: distance that it names; None without one.
+        needed: probability that an act needs to be believed against the grammar.
     """
 
     act: str
@@ -51,6 +53,17 @@ class Turn:
     prediction: Prediction
     number: int | None = None
     distance_m: float | None = None
+    needed: float = 0.0
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether the act is believed whatever the grammar finds."""
+        return self.sure >= self.needed
+
+    @property
+    def is_likely(self) -> bool:
+        """Whether the act is believed where the grammar finds nothing."""
+        return self.sure >= _LIKELY and self.act != "cancel"
 
     def best(self, field: str) -> str:
         """Return the likeliest value of a field."""
@@ -84,6 +97,16 @@ class Turn:
         alike = all(field_value(own, field) == field_value(reading.query, field) for field in FIELDS)
         return replace(reading, doubt="") if reading.revised and alike and qualifiers[0] == qualifiers[1] else reading
 
+    def replaces(self, reading: Reading | None) -> bool:
+        """Return whether its place counts more than that of the grammar: "not behind, in front"."""
+        own = reading.query.relation if reading is not None else NONE
+        best = self.best("relation")
+        return (
+            reading is None
+            or own == NONE != best
+            or (own != best and self.prediction.choices["relation"][best] > _SURE_RELATION)
+        )
+
     def placed(self, text: str) -> Query | None:
         """Return the partial query of the place and the vehicle that it names; None if it names no place."""
         relation, side = self.best("relation"), self.best("goal_side")
@@ -98,7 +121,7 @@ class Turn:
 
 
 def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
-    """Read a turn; None where the grammar is to read it: it understands all of it, or the network is not sure.
+    """Read a turn; None where the patterns of replies read it alike, or it has no words.
 
     Args:
         talk: the conversation.
@@ -106,36 +129,22 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
         reply: the turn as the patterns of replies split it.
     """
     reading = talk.read(reply.rest or text)
-    if (reply.kinds and not reply.rest) or reply.leading_shift:
-        return None
     reader = default_turn_reader()
     tokens = tokenise(normalise(text), talk.grounder.lexicon)
     prediction = reader.read(tokens, state_of(talk), reply)
     if prediction is None:
         return None
-    scores = vote_on_act(prediction.choices["act"], own_act(reply, reading), reader.rule["act"])
+    own = own_act(reply, reading)
+    scores = vote_on_act(prediction.choices["act"], own, reader.rule["act"])
     act = max(scores, key=scores.__getitem__)
-    plain = _is_plain(talk, reply, reading)
+    if act == own[0] != "command":
+        return None  # the patterns of replies know the details
     doubted = _is_command(reading) and act not in ("command", "then")
-    # "Nice driving" and "strike all of it" may be understood as other things; "don't stop" may be for one step only.
-    overruled = act == "remark" or (act == "cancel" and not has_verb(reading))
-    if scores[act] < (_SURE_AGAINST if doubted or plain else _SURE) or (plain and not overruled):
-        return None
+    needed = max(_SURE_AGAINST if doubted else _SURE, _SURE_CANCEL if act == "cancel" else 0.0)
     number, distance_m = reply.number or _number(tokens), named_distance(text, talk.grounder.lexicon)
     if distance_m is None and act in _MEASURED and any(one.category is WordCategory.NUMBER for one in tokens):
         distance_m = number and float(number)  # "three more": metres
-    return Turn(act, scores[act], prediction, number, distance_m)
-
-
-def _is_plain(talk: Conversation, reply: Reply, reading: Reading) -> bool:
-    """Return whether the grammar understands every word of a short turn."""
-    if reply.number is not None or len(reading.tokens) > _SHORT or not reply.rest:
-        return reply.number is not None
-    if has_verb(reading):
-        return _is_command(reading) or "without" in reply.kinds
-    base, about, read = talk.state.request, talk.antecedent, talk.readings
-    described = read_description(reply.rest, about, read, whole=True)
-    return base is not None and bool(described or complete(reply.rest, base.query, about, read, whole=True))
+    return Turn(act, scores[act], prediction, number, distance_m, needed)
 
 
 def _is_command(reading: Reading) -> bool:

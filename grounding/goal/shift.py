@@ -17,8 +17,10 @@ from grounding.scene_object import SceneObject
 from grounding.vocabulary import ShiftDirection
 
 _WORDS = {"away": "farther away", "near": "closer", "leftwards": "to the left", "rightwards": "to the right"}
-# A goal is at most this far from the wanted place, and a shift is at least this share of what is asked for.
-_TOLERANCE_M, _LEAST_SHARE = 1.2, 0.4
+# A goal is at most this far from the wanted place, and a shift at least this share of the wanted one, and this far.
+_TOLERANCE_M, _LEAST_SHARE, _LEAST_M = 1.2, 0.4, 0.1
+# Shares of a shift that are tried: where there is no room for all of it, a part of it is better than none.
+_SHARES = (1.0, 0.5, 0.25)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,15 +69,19 @@ def shift_goal(
     target = goal_plan.target
     if target is None:
         return goal_plan
-    wanted = target.ego_m + shift.distance_m * _direction(shift.direction, target, item)
-    moved = _plan_near(wanted, target.heading_ego_rad, shift.words, scene, road, item)
-    if moved.target is None:
-        return replace(moved, nearest=target)
-    moved_m = float(np.linalg.norm(moved.target.ego_m - target.ego_m))
-    if moved_m < _LEAST_SHARE * shift.distance_m:
-        return GoalPlan(None, (f"there is no room {shift.words}",), nearest=target)
-    reason = f"moved {moved_m:.1f} m as asked ({shift.words})"
-    return replace(goal_plan, target=moved.target, way=moved.way, reasons=(*goal_plan.reasons, reason))
+    direction = _direction(shift.direction, target, item)
+    blocked: GoalPlan | None = None
+    for share in _SHARES:
+        wanted = target.ego_m + share * shift.distance_m * direction
+        moved = _plan_near(wanted, target.heading_ego_rad, shift.words, scene, road, item)
+        blocked = blocked or (moved if moved.target is None else None)
+        moved_m = 0.0 if moved.target is None else float((moved.target.ego_m - target.ego_m) @ direction)
+        if moved_m >= max(_LEAST_SHARE * share * shift.distance_m, _LEAST_M):
+            limit = "" if share == 1 else ": there is room for no more"
+            reason = f"moved {moved_m:.1f} m as asked ({shift.words}){limit}"
+            return replace(goal_plan, target=moved.target, way=moved.way, reasons=(*goal_plan.reasons, reason))
+    reasons = blocked.reasons if blocked is not None else ()
+    return GoalPlan(None, (f"there is no room {shift.words}", *reasons), nearest=target)
 
 
 def hold_goal(pose: HeldPose, scene: SceneModel, road: RoadMap) -> GoalPlan | None:

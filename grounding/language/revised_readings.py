@@ -97,8 +97,14 @@ def _changed(reading: Reading, changes: dict[str, Any], revision: Revision) -> R
     steps = tuple(
         query if step == reading.query else replace(step, **changes) if _is_main(step, reading.query) else step
         for step in reading.steps
+        if _is_main(step, reading.query) or _is_commanded(step, reading.query, query)
     )
     return replace(reading, query=query, steps=steps, revised=revision.changed)
+
+
+def _is_commanded(step: Query, before: Query, after: Query) -> bool:
+    """Return whether a step is still one of a command's actions; one that only awaits an event never was."""
+    return step.action not in before.actions or step.action in after.actions
 
 
 def _is_main(step: Query, query: Query) -> bool:

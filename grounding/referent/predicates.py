@@ -74,6 +74,11 @@ def _is_on_opposite_side(table: ObjectTable) -> FloatArray:
     return beyond * (0.6 + 0.4 * is_facing_ego(table))
 
 
+def _is_on_own_side(table: ObjectTable) -> FloatArray:
+    """Return the degree (N,) to which objects are on the side of the ego's traffic."""
+    return 1 - _is_on_opposite_side(table)
+
+
 def _is_in_lane(table: ObjectTable, lane: int) -> FloatArray:
     """Return the degree (N,) to which objects are in a lane, numbered from the ego lane (0) to the left."""
     return falling(np.abs(table.lateral_m - lane * LANE_M), LANE_M / 2, 0.3)
@@ -121,6 +126,10 @@ def _is_oncoming(table: ObjectTable) -> FloatArray:
     return is_facing_ego(table) * (0.1 + 0.9 * _is_moving(table))
 
 
+def _faces_same_way(table: ObjectTable) -> FloatArray:
+    return 1 - is_facing_ego(table)
+
+
 def _make_turn_predicate(sign: int) -> Callable[[ObjectTable], FloatArray]:
     """Make the predicate "turning" left (1), right (-1) or either way (0): by yaw rate, else by slant to the road."""
 
@@ -163,6 +172,7 @@ QUALIFIERS: Mapping[str, Callable[[ObjectTable], FloatArray]] = {
     "left_side": _make_side_predicate(1),
     "right_side": _make_side_predicate(-1),
     "opposite_side": _is_on_opposite_side,
+    "own_side": _is_on_own_side,
     "own_lane": in_own_lane,
     "left_lane": _make_lane_predicate(1),
     "right_lane": _make_lane_predicate(-1),
@@ -174,6 +184,7 @@ QUALIFIERS: Mapping[str, Callable[[ObjectTable], FloatArray]] = {
     "stopped": _is_stopped,
     "moving": _is_moving,
     "oncoming": _is_oncoming,
+    "same_way": _faces_same_way,
     "turning": _make_turn_predicate(0),
     "turning_left": _make_turn_predicate(1),
     "turning_right": _make_turn_predicate(-1),

@@ -11,10 +11,13 @@ from grounding.vocabulary import Action, Relation, ShiftDirection, Trigger
 NONE = "none"
 NOUNS: tuple[str, ...] = (NONE, *get_args(Noun))
 QUALIFIERS: tuple[str, ...] = get_args(Qualifier)
+ACTIONS: tuple[str, ...] = get_args(Action)
+# What a sentence may have several of: qualifiers of the vehicle, and commanded actions.
+TAGS = (*QUALIFIERS, *ACTIONS)
 # Fields with one value of a closed list each; the colour points to a word.
 CHOICES: dict[str, tuple[str, ...]] = {
     "status": ("ok", "reject"),
-    "action": get_args(Action),
+    "action": ACTIONS,
     "relation": get_args(Relation),
     "direction": (NONE, *get_args(Direction)),
     "goal_side": (NONE, "left", "right"),

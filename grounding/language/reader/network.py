@@ -2,8 +2,8 @@
 
 A sum of hashed feature vectors for each word, two bidirectional GRU layers (Cho et al., EMNLP 2014), and for each
 field a pooling by attention. Class and colour of the vehicle point to words, so that they hold for any colour and
-class; the probability of a qualifier is that of its best words. Several networks, trained from different seeds, are
-averaged. `python -m benchmarks.train_reader` makes the weights in torch.
+class; the probability of a qualifier, and of a commanded action, is that of its best words. Several networks, trained
+from different seeds, are averaged. `python -m benchmarks.train_reader` makes the weights in torch.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grounding.language.reader.features import WordFacts, token_features, word_facts
-from grounding.language.reader.fields import CHOICES, FIELDS, NONE, NOUNS, QUALIFIERS
+from grounding.language.reader.fields import ACTIONS, CHOICES, FIELDS, NONE, NOUNS, QUALIFIERS, TAGS
 from grounding.language.syntax.tokenizer import Token
 
 # Floating-point numbers of any precision.
@@ -40,6 +40,7 @@ class Prediction:
 
     choices: Mapping[str, Mapping[str, float]]
     qualifiers: Mapping[str, float]
+    actions: Mapping[str, float]
     head: str = ""
 
     @property
@@ -86,10 +87,11 @@ class ReaderNetwork:
         coloured = [i for i, fact in enumerate(facts) if fact.colour]
         by_colour = _softmax(np.concatenate([nothing[:, :, 1], pointed[:, coloured, 1]], axis=1))
         choices["colour"] = _colours([facts[i].colour for i in coloured], by_colour.mean(axis=0))
-        scores = _log_sum_exp(self._linear("qualifier", words), axis=1) + self.weights["qualifier_prior"]
-        qualifiers = dict(zip(QUALIFIERS, _mean(1 / (1 + np.exp(-scores[:, None]))), strict=True))
+        scores = _log_sum_exp(self._linear("tag", words), axis=1) + self.weights["tag_prior"]
+        tags = dict(zip(TAGS, _mean(1 / (1 + np.exp(-scores[:, None]))), strict=True))
+        qualifiers, actions = ({one: tags[one] for one in names} for names in (QUALIFIERS, ACTIONS))
         best = int(by_noun.mean(axis=0)[1:].argmax())
-        return Prediction(choices, qualifiers, facts[best].text if facts[best].noun else "")
+        return Prediction(choices, qualifiers, actions, facts[best].text if facts[best].noun else "")
 
     def _layer(self, inputs: Numbers, number: int) -> Numbers:
         """Return (M, T, 2 H) of a bidirectional GRU layer over (M, T, D)."""

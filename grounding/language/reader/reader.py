@@ -15,7 +15,7 @@ from appocc.errors import DataError
 from appocc.files import read_file
 from appocc.typing import PathLike
 from grounding.language.reader.features import TABLE_ROWS
-from grounding.language.reader.fields import CHOICES, FIELDS, NOUNS, QUALIFIERS
+from grounding.language.reader.fields import CHOICES, FIELDS, NOUNS, TAGS
 from grounding.language.reader.network import MAX_TOKENS, Numbers, ReaderNetwork
 from grounding.language.reader.revision import Evidence, Revision, revise
 from grounding.language.syntax.tokenizer import Token
@@ -96,14 +96,14 @@ def load_weights(
 def _expected_shapes(size: int, hidden: int, choices: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[int, ...]]:
     """Return array name -> shape in one network, for `size` numbers a feature and `hidden` states a direction."""
     both = 2 * hidden
-    shapes: dict[str, tuple[int, ...]] = {"table": (TABLE_ROWS, size), "qualifier_prior": (len(QUALIFIERS),)}
+    shapes: dict[str, tuple[int, ...]] = {"table": (TABLE_ROWS, size), "tag_prior": (len(TAGS),)}
     for layer, inputs in enumerate((size, both)):
         for name in (f"gru{layer}.forward", f"gru{layer}.backward"):
             shapes |= {f"{name}.input": (inputs, 3 * hidden), f"{name}.state": (hidden, 3 * hidden)}
             shapes |= {f"{name}.input_bias": (3 * hidden,), f"{name}.state_bias": (3 * hidden,)}
     linear = {field: (2 * both, len(values)) for field, values in choices.items()}
     linear |= {"attention": (both, len(choices) + 1), "nothing": (2 * both, 2), "point": (both, 2)}
-    linear |= {"class": (both, len(NOUNS) - 1), "qualifier": (both, len(QUALIFIERS))}
+    linear |= {"class": (both, len(NOUNS) - 1), "tag": (both, len(TAGS))}
     for name, (inputs, outputs) in linear.items():
         shapes |= {f"{name}.weight": (inputs, outputs), f"{name}.bias": (outputs,)}
     return shapes

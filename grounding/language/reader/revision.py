@@ -17,6 +17,7 @@ import numpy as np
 from grounding.language.reader.fields import FIELDS, NONE, QUALIFIERS
 from grounding.language.reader.network import Numbers, Prediction
 from grounding.query import Exclusion, Query, Referent
+from grounding.vocabulary import Action
 
 # Least probability of a value that counts.
 _LEAST = 1e-4
@@ -25,6 +26,8 @@ _LEAST = 1e-4
 _TRUST, _TRUST_QUALIFIER = 3.0, 1.5
 # Least log odds at which a sentence is a command that the grammar takes for none, and at which it remains one.
 _LEAST_ODDS, _LEAST_ODDS_KEPT = 1.0, 1.0
+# Least probability of an action, beside the main one, that stays commanded: "two mins" is no wait.
+_LEAST_ACTION = 0.2
 # Most words of a sentence that the grammar understands and is believed about: "the one on the left" is no command.
 _SHORT = 6
 # Actions that may stand for what a sentence forbids: "don't overtake it" is `other`.
@@ -147,7 +150,14 @@ def revise(query: Query, evidence: Evidence, prediction: Prediction, rule: Mappi
     if query.sought is not None and not evidence.dropped and evidence.words <= _SHORT:
         values["noun"] = NONE  # "the white one": the scene tells which vehicle that is
     revised = _with_values(query, values, qualifiers, prediction)
+    revised = replace(revised, actions=_commanded(revised, prediction))
     return Revision(revised, _changes(query, revised), sure * prediction.certainty)
+
+
+def _commanded(query: Query, prediction: Prediction) -> tuple[Action, ...]:
+    """Return the actions of a query that the network takes for commanded too, and the main one."""
+    kept = (one for one in query.actions if one == query.action or prediction.actions[one] >= _LEAST_ACTION)
+    return tuple(kept)
 
 
 def _may_be_opposite(field: str, own: str, other: str, evidence: Evidence) -> bool:
@@ -233,6 +243,7 @@ def _changes(before: Query, after: Query) -> tuple[tuple[str, str, str], ...]:
     pairs = [(field, field_value(before, field), field_value(after, field)) for field in FIELDS]
     said, now = (" ".join(sorted(one.referent.qualifiers)) if one.referent else "" for one in (before, after))
     pairs.append(("qualifiers", said or NONE, now or NONE))
+    pairs.append(("actions", " ".join(before.actions), " ".join(after.actions)))
     return tuple(pair for pair in pairs if pair[1] != pair[2])
 
 

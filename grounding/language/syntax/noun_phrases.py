@@ -38,6 +38,8 @@ _LETTERS = (
 )
 # Noun phrases with an article ("the red one", "the big bakery", "the second") and without ("parked black cars").
 _PHRASE = re.compile(r"d+[mukn]+h*|d+h+|[mkn]*[hk]+|m+|n+|p|e|(?<=r)u+")
+# "In" and a colour that no noun follows: "the woman in blue".
+_IN_COLOUR = re.compile(r"rm(?![mukhn])")
 _INDEFINITE_PRONOUNS = ("everyone", "everybody", "someone", "somebody", "anyone", "anybody", "people")
 _PLURALS = ("people", "folks", "police", "cattle")
 _EXTRA = (WordCategory.EXTRA, WordCategory.UNKNOWN, WordCategory.POSSESSIVE, WordCategory.MAKE)
@@ -113,12 +115,16 @@ def chunk(tokens: Sequence[Token]) -> Iterator[Chunk]:
     letters = "".join(_LETTERS.get(token.category, ".") for token in tokens)
     at = 0
     for match in _PHRASE.finditer(letters):
+        if match.start() < at:
+            continue  # the colour of clothes
         yield from tokens[at : match.start()]
         middle = _second_start(tokens, match.start(), match.end())
-        yield _noun_phrase(tokens[match.start() : middle])
+        phrase, at = _noun_phrase(tokens[match.start() : middle]), match.end()
+        if phrase.kind == "person" and _IN_COLOUR.match(letters, at) and tokens[at].text == "in":
+            phrase.colour, at = tokens[at + 1].value, at + 2
+        yield phrase
         if middle < match.end():
             yield _noun_phrase(tokens[middle : match.end()])
-        at = match.end()
     yield from tokens[at:]
 
 

@@ -116,7 +116,7 @@ SECTION_VALUES: dict[WordCategory, tuple[str, ...]] = {
         *("behind", "in_front_of", "next_to", "near", "left_of", "right_of", "toward", "before", "past"),
         *("opposite", "same_as", "at", "in", "into", "on", "along", "with", "for"),
     ),
-    WordCategory.SIDE: ("left_side", "right_side", "opposite_side", "from_left", "from_right"),
+    WordCategory.SIDE: ("left_side", "right_side", "opposite_side", "own_side", "from_left", "from_right"),
     WordCategory.DIRECTION: ("left", "right", "straight"),
     WordCategory.LANE: ("left_lane", "right_lane", "middle_lane", "other_lane"),
     WordCategory.WHERE: ("ahead", "behind_ego", "own_lane", "beside_ego"),

@@ -31,6 +31,8 @@ _IN_LINE = (
     "my tail",
     "before us",
 )
+# Sides that are named by their traffic, as sides of a goal.
+_SIDES_BY_TRAFFIC = {"opposite": "opposite", "own": "kerb"}
 _KERBS = ("kerb", "curb", "roadside", "kerbside", "curbside")
 # Kinds of words between a distance and its reference.
 _BEFORE_REFERENCE = ("relation", "between", "away", "where")
@@ -115,12 +117,12 @@ def handle_side(state: DiscourseState, token: Token) -> None:
     value = token.value.removesuffix("_side").removeprefix("from_")
     at = state.clause.tokens.index(token)
     possessive = at > 0 and state.clause.tokens[at - 1].form == "own"
-    if possessive and state.host_frame.target is noun and value != "opposite":
+    if possessive and state.host_frame.target is noun and value not in _SIDES_BY_TRAFFIC:
         state.host_frame.relation = f"{value}_of"  # "to the white car's left side"
         return
     if noun is not None and noun.noun == "lane":
         return  # "the third lane from the right": the map counts no lanes, and so the side is told as left out
-    if noun is not None and noun.noun in ENTERABLE and value != "opposite":
+    if noun is not None and noun.noun in ENTERABLE and value not in _SIDES_BY_TRAFFIC:
         if frame is None:
             noun.add_qualifier(token.value)  # "the next road on the left, turn in there"
             return
@@ -129,13 +131,13 @@ def handle_side(state: DiscourseState, token: Token) -> None:
     if state.is_repair and state.frame is None and noun is None and replace_side(state, token.value):
         return
     stands = frame is not None and frame.verb_class in _STANDING and frame.target is None and not state.negated
-    if stands and noun is not None and noun.kind == "thing" and value != "opposite":
+    if stands and noun is not None and noun.kind == "thing" and value not in _SIDES_BY_TRAFFIC:
         state.open_phrase = None  # "past the crossing on the left"
     if _qualify_open_phrase(state, token):
         return
-    if value == "opposite":
+    if value in _SIDES_BY_TRAFFIC:
         if state.frame is not None and state.frame.verb_class in (*_STANDING, "take") and not state.negated:
-            state.frame.side = state.frame.side or value
+            state.frame.side = state.frame.side or _SIDES_BY_TRAFFIC[value]
         return
     if state.negated:
         value = "right" if value == "left" else "left"  # "pull over, but not on the left"

@@ -1,0 +1,108 @@
+"""Commands in a conversation: whole sentences with a verb, and first ones without."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from grounding.answer import Answer
+from grounding.answering import Request, requests_of
+from grounding.dialogue.changes import drop_steps, replace_step
+from grounding.dialogue.conversation import Conversation
+from grounding.dialogue.descriptions import find_fitting, is_plainly_definite, widen
+from grounding.dialogue.fragments import is_understood, keep_action, names_pronoun, refers_to_place
+from grounding.dialogue.merging import merge_request, names_gap_only
+from grounding.dialogue.reports import ask_again, not_understood
+from grounding.dialogue.telling import said
+from grounding.dialogue.turns import Turn
+from grounding.language import Reading, WordCategory
+from grounding.language.revised_readings import evidence_of
+from grounding.vocabulary import Action
+
+
+def answer_command(
+    talk: Conversation,
+    text: str,
+    words: str,
+    then: bool = False,
+    agreed: bool = False,
+    edits: bool = False,
+    turn: Turn | None = None,
+) -> Answer:
+    """Answer a command.
+
+    Args:
+        talk: the conversation.
+        text: the sentence.
+        words: the command in it.
+        then: whether it is a further step of the plan in force.
+        agreed: whether it is about the first candidate.
+        edits: whether it corrects the step of the same action.
+        turn: the turn by its reader, if that takes it for a command.
+    """
+    state, grounder = talk.state, talk.grounder
+    readings = talk.readings(words, talk.antecedent, alone=talk.is_opening and words == text)
+    if not is_understood(readings[0]) and not names_pronoun(readings[0]):
+        alone = talk.readings(words)  # with the vote of the reader, which reads sentences that stand alone
+        readings = readings if alone[0].problem else alone
+    if turn is not None:
+        readings = (turn.as_command(readings[0]), *readings[1:])
+    if readings[0].problem:
+        return not_understood(talk, text, readings[0], words)
+    base = state.request
+    readings = tuple(keep_action(said(one, text), base.query if base else None) for one in readings)
+    readings = tuple(widen(one, talk.scene) for one in readings)
+    first = readings[0]
+    if names_pronoun(first):
+        if state.question is not None and len(state.question.candidates) > 1 and not agreed:
+            return ask_again(talk, text)
+        if talk.meant is not None:
+            return talk.take([replace(one, chosen=talk.meant) for one in requests_of(first)], then)
+    elif (
+        state.question is not None
+        and first.query.referent is not None
+        and first.query.referent.anaphora
+        and (fitting := find_fitting(first, state.question.candidates, talk.scene))
+    ):
+        return talk.narrow(fitting, Request(reading=first))
+    answer = grounder.check(words, first, grounder.best_answer(readings))
+    if answer.alternatives:
+        talk.state = replace(state, question=answer, offered=(), asked=requests_of(answer.reading), at=0)
+        return answer
+    if refers_to_place(first) and state.plan and not then:
+        return talk.take((*state.plan[:-1], merge_request(state.plan[-1], first.query)))
+    if base is not None and not then and names_gap_only(first.query):  # "leave three metres"
+        gap = replace(first.query, action=None)
+        return talk.take(state.with_request(merge_request(base, gap)))
+    if forbidden := _forbidden_action(state.plan, first):
+        return drop_steps(talk, text, forbidden)
+    if answer.status == "ambiguous" and state.focus and not state.question and is_plainly_definite(first):
+        # "The van" is the one that the conversation is about.
+        again = [one for one in answer.candidates if one.item.id == state.focus[0].item.id]
+        if again:
+            return talk.take([replace(requests_of(answer.reading)[-1], chosen=again[0])], then)
+    if edits and not then and (edited := replace_step(talk, requests_of(answer.reading))):
+        return edited
+    return talk.take(requests_of(answer.reading), then, answer)
+
+
+def ask_to_stop(talk: Conversation, text: str, words: str) -> Answer | None:
+    """Ask whether a first sentence without a verb asks for a stop: "the yellow one"; None if it names no vehicle."""
+    for phrase in ("stop {}", "stop near {}", "stop near the {}"):
+        reading = talk.readings(phrase.format(words))[0]
+        if is_understood(reading) and reading.query.referent is not None:
+            doubted = replace(reading, doubt=f"do you mean '{phrase.format(words)}'?")
+            answer = talk.grounder.check(text, doubted, talk.grounder.best_answer((doubted,)))
+            talk.state = replace(talk.state, question=answer, asked=requests_of(reading), at=0)
+            return answer
+    return None
+
+
+def _forbidden_action(plan: Sequence[Request], reading: Reading) -> Action | None:
+    """Return the action of a step that a sentence only forbids, None for any other: "don't overtake it"."""
+    query = reading.query
+    forbids = evidence_of(reading).contrary  # also "stop following it"
+    if query.action != "other" or query.referent is not None or not forbids:
+        return None
+    verbs = {token.value for token in reading.tokens if token.category is WordCategory.VERB}
+    return next((step.query.action for step in plan if step.query.action in verbs), None)
