@@ -11,6 +11,7 @@ from appocc.geometry import apply, inverse, wrap_angle
 from grounding.answer import Answer
 from grounding.answering import Request, Sighting
 from grounding.describe import describe_object
+from grounding.dialogue.telling import ask
 from grounding.goal.shift import HeldPose
 from grounding.referent.resolver import Candidate
 from grounding.referent.scene import SceneModel
@@ -50,6 +51,19 @@ def relocate(candidate: Candidate, before: SceneModel, scene: SceneModel) -> Can
     if item is None or (partner is None) != (candidate.partner is None):
         return None
     return replace(candidate, item=item, partner=partner)
+
+
+def follow_question(asked: Answer, before: SceneModel, scene: SceneModel) -> Answer | None:
+    """Return the open question in a new scene; None if what it is about is lost."""
+    kept = tuple(found for one in asked.candidates if (found := relocate(one, before, scene)))
+    if asked.plan.question:  # a proposed place stays where it is in the world
+        referent = asked.referent and relocate(asked.referent, before, scene)
+        lost = asked.referent is not None and referent is None
+        return None if lost else replace(asked, referent=referent, candidates=kept, scene=scene)
+    if not kept:
+        return None
+    # Near misses of a sentence that found nothing are remembered, but not asked about.
+    return ask(kept, asked.reading, scene) if asked.question else replace(asked, candidates=kept, scene=scene)
 
 
 def follow_plan(requests: Sequence[Request], goal: Answer, before: SceneModel, scene: SceneModel) -> FollowedPlan:

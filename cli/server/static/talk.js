@@ -53,7 +53,7 @@ export class Talk {
   }
 
   choose(candidate) {
-    return this.#ask({ choose: candidate.id }, candidate.words);
+    return this.#ask({ choose: candidate.key }, candidate.words);
   }
 
   async #ask(more, text) {
@@ -116,13 +116,15 @@ export class Talk {
 
   /** The buttons of the last answer: vehicles to choose, yes and no; or sentences to begin with. */
   #buttons() {
-    const { turns = [], candidates = [], replies = [] } = this.data ?? {};
+    const { turns = [], candidates = [], replies = [], question = "" } = this.data ?? {};
     const box = byId("replies");
     if (!turns.length) {
       const tries = FIRST.map((text) => make("button", { type: "button", onclick: () => this.say(text) }, text));
       box.replaceChildren(make("p", {}, "Say where to go, for example:"), ...tries);
       return;
     }
+    // A question that was asked before an aside is told again, so that it is clear what a button answers.
+    const told = !question || turns.at(-1).question === question;
     const asked = turns.at(-1).status === "ambiguous";
     // "Do you mean ...?" about a single vehicle is answered by yes or no.
     const offered = replies.length && candidates.length === 1 ? [] : candidates;
@@ -131,12 +133,13 @@ export class Talk {
       make("b", {}, String(one.number)), chip(one.rgb), make("span", {}, one.words),
     ));
     const answers = replies.map((text) => make("button", { type: "button", onclick: () => this.say(text) }, text));
-    const title = choices.length ? [make("p", {}, asked ? "Which one?" : "Or do you mean:")] : [];
-    box.replaceChildren(...answers, ...title, ...choices);
+    const open = told || !(answers.length + choices.length) ? [] : [make("p", { className: "open" }, capital(question))];
+    const title = choices.length && told ? [make("p", {}, asked ? "Which one?" : "Or do you mean:")] : [];
+    box.replaceChildren(...open, ...answers, ...title, ...choices);
   }
 }
 
-const STATUS = { not_found: "Not found", not_a_command: "Not understood" };
+const STATUS = { not_found: "Not found", not_a_command: "Not a command" };
 
 function answerOf(turn, last) {
   const parts = [];

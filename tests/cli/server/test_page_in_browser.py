@@ -166,6 +166,17 @@ def test_it_asks_and_a_button_answers(served: Served, page: Page) -> None:
     assert page.locator("#turns .said").count() == 3
 
 
+def test_a_question_is_told_above_its_buttons_after_an_aside(served: Served, page: Page) -> None:
+    opened(page, f"{served.address}?frame=1")
+    say(page, "stop behind the red car")
+    say(page, "park behind the white car")
+    question = page.text_content("#turns .question")
+    assert page.locator("#replies .open").count() == 0, "it is in the answer just above"
+    say(page, "where are you heading?")
+    assert page.text_content("#replies .open") == question
+    assert page.locator("#replies .choice").count() == 2
+
+
 def test_a_sentence_is_text_and_no_html(served: Served, page: Page) -> None:
     opened(page, f"{served.address}?frame=1")
     hostile = "<img src=x onerror=document.title=1><b>park</b>"

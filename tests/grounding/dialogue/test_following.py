@@ -121,3 +121,34 @@ def test_an_awaited_event_ends_its_step() -> None:
     gone = session.update(later.bev(), later.boxes(), pose(0.0))
     assert gone is not None
     assert [step.query.action for step in gone.steps] == ["park"]
+
+
+def test_what_was_found_instead_is_no_question_at_the_next_moment() -> None:
+    session = begin(Street().car("red", 18, -5, RED).car("white", 30, -5, WHITE))
+    assert session.say("stop behind the bus").status == "not_found"
+    offered = [one.item.id for one in session.candidates]
+    later = Street().car("red", 17, -5, RED).car("white", 29, -5, WHITE)
+    session.update(later.bev(), later.boxes(), pose(1.0))
+    assert session.question == ""
+    assert [one.item.id for one in session.candidates] == offered != []
+
+
+def test_a_proposal_holds_at_the_next_moment() -> None:
+    session = begin(Street().car("lead", 18, 0, RED, speed_mps=6).car("white", 30, -5, WHITE))
+    asked = session.say("park behind the red car")
+    assert "shall we follow it?" in asked.question
+    later = Street().car("lead", 20, 0, RED, speed_mps=6).car("white", 29, -5, WHITE)
+    session.update(later.bev(), later.boxes(), pose(1.0))
+    assert (session.question, session.proposes) == (asked.question, True)
+    answer = session.say("yes")
+    assert answer.referent is not None
+    assert (answer.status, answer.query.action) == ("ok", "follow")
+    assert answer.referent.item.centre_m == pytest.approx([20, 0], abs=0.3), "where it is now"
+
+
+def test_a_proposal_about_a_lost_vehicle_is_dropped() -> None:
+    session = begin(Street().car("lead", 18, 0, RED, speed_mps=6).car("white", 30, -5, WHITE))
+    session.say("park behind the red car")
+    without = Street().car("white", 29, -5, WHITE)
+    session.update(without.bev(), without.boxes(), pose(1.0))
+    assert (session.question, session.proposes) == ("", False)
