@@ -16,6 +16,8 @@ export class Talk {
       const text = byId("sentence").value.trim();
       if (text) this.say(text);
     });
+    // Out of the text field, the keys are those of the page again.
+    byId("sentence").addEventListener("keydown", (event) => event.key === "Escape" && event.target.blur());
     listen((text) => this.say(text));
     new ResizeObserver(scrollDown).observe(byId("turns"));
   }

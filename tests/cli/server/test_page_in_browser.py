@@ -252,6 +252,19 @@ def test_the_map_zooms_and_moves(served: Served, page: Page) -> None:
     until(page, lambda: "0.0 m" in (page.text_content("#readout") or ""))
 
 
+def test_escape_leaves_the_text_field_and_then_lets_go_of_the_vehicle(served: Served, page: Page) -> None:
+    opened(page, f"{served.address}?frame=1&vehicle=track+1")
+    page.keyboard.press("/")
+    page.keyboard.type("ar")
+    page.keyboard.press("Escape")
+    assert page.locator("#vehicle").is_visible()
+    assert page.input_value("#sentence") == "ar"
+    page.keyboard.press("ArrowRight")
+    at_frame(page, 2)
+    page.keyboard.press("Escape")
+    until(page, page.locator("#vehicle").is_hidden)
+
+
 def test_keys_zoom_the_map(served: Served, page: Page) -> None:
     opened(page, f"{served.address}?frame=0&source=exact")
     x, y = pixel(page, 20.0, 0.0)
@@ -264,6 +277,22 @@ def test_keys_zoom_the_map(served: Served, page: Page) -> None:
     page.keyboard.press("0")
     page.mouse.move(x, y)
     until(page, lambda: "20.0 m ahead" in (page.text_content("#readout") or ""))
+
+
+@pytest.mark.parametrize("size", [(1024, 768), (820, 1180), (844, 390), (390, 844)])
+def test_every_control_is_in_view_from_the_start(size: tuple[int, int], served: Served, page: Page) -> None:
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    opened(page, f"{served.address}?frame=1&vehicle=track+1")
+    for control in page.locator("header select, header button, #say input, #say button, footer button").all():
+        box = control.bounding_box()
+        if box is not None:  # else it is hidden
+            name = control.get_attribute("id") or control.text_content()
+            assert 0 <= box["x"] < box["x"] + box["width"] <= size[0], name
+            assert 0 <= box["y"] < box["y"] + box["height"] <= size[1], name
+    say_at, play_at = (page.locator(part).bounding_box() for part in ("#sentence", "#play"))
+    assert say_at is not None
+    assert play_at is not None
+    assert say_at["y"] + say_at["height"] < play_at["y"], "the sentence is not below the time slider"
 
 
 @pytest.mark.parametrize("size", [(820, 1180), (1180, 820), (400, 800)])
