@@ -393,8 +393,27 @@ def test_an_empty_folder_offers_a_drive(tmp_path: Path, page: Page) -> None:
         page.click("#new-drive")
         page.get_by_role("button", name="Start").click()
         until(page, lambda: "Simulating harrowmere" in (page.text_content("#job") or ""))
+        until(page, lambda: "being made" in (page.text_content("#note") or ""))
         assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth"), "the page keeps its width"
         page.get_by_role("button", name="Stop").click()
         until(page, lambda: "stopped" in (page.text_content("#job") or ""))
+        until(page, lambda: "Nothing is open" in (page.text_content("#note") or ""))
+    finally:
+        served.stop()
+
+
+def test_the_first_drive_opens_by_itself(tmp_path: Path, page: Page) -> None:
+    job = {"number": 1, "kind": "simulate", "title": "a drive", "state": "running", "done": 0, "total": 1}
+    job |= {"note": "", "seconds": 1.0, "recording": None, "source": "predicted"}
+    page.route("**/api/jobs", lambda route: route.fulfill(json={"jobs": [job]}))
+    served = Served(tmp_path)
+    try:
+        page.goto(served.address)
+        until(page, lambda: "being made" in (page.text_content("#note") or ""))
+        write_recording(tmp_path / "made", 2)
+        listed = page.request.get(f"{served.address}api/recordings").json()
+        job |= {"state": "done", "recording": listed["recordings"][0]["key"]}
+        at_frame(page, 0)
+        assert page.text_content("#map figcaption") == "predicted"
     finally:
         served.stop()
