@@ -15,8 +15,8 @@ from cli.server.recording import Place, Recording
 from grounding import Answer, Grounder, Session
 from grounding.referent.scene import SceneModel
 
-# Conversations that are kept, the turns of each, and the longest sentence.
-_MOST_TALKS, _MOST_TURNS, MOST_CHARACTERS = 64, 200, 500
+# Conversations that are kept (each holds a scene of some 50 MB), the turns of each, and the longest sentence.
+_MOST_TALKS, _MOST_TURNS, MOST_CHARACTERS = 16, 200, 500
 
 
 @dataclass(eq=False)

@@ -6,6 +6,8 @@ import { change, state } from "./state.js";
 
 const FIRST = ["park behind the nearest car", "stop next to the vehicle", "which cars do you see?"];
 const FOLLOW_MS = 250;
+// What a question shows that waits for its answer while the scene moves on, beside its candidates.
+const NO_GOAL = { referents: [], target: null, nearest: null, runners_up: [], route: null, steps: [] };
 
 export class Talk {
   /** Hold the conversation of the page; `changed` is called when map and cameras must show something else. */
@@ -25,8 +27,9 @@ export class Talk {
   /** What map and cameras show of the conversation at a frame: {referents, candidates, target, ...} or null. */
   at(frame) {
     const { data } = this;
-    if (!data?.shown || !this.#here() || data.about.frame !== frame) return null;
-    return { ...data.shown, candidates: data.candidates };
+    if (!this.#here() || data.about.frame !== frame) return null;
+    if (!data.shown && !data.candidates.length) return null;
+    return { ...(data.shown ?? NO_GOAL), candidates: data.candidates };
   }
 
   /** Why the goal in force cannot be planned for a frame; "" if it can. */
@@ -125,8 +128,6 @@ export class Talk {
       box.replaceChildren(make("p", {}, "Say where to go, for example:"), ...tries);
       return;
     }
-    // A question that was asked before an aside is told again, so that it is clear what a button answers.
-    const told = !question || turns.at(-1).question === question;
     const asked = turns.at(-1).status === "ambiguous";
     // "Do you mean ...?" about a single vehicle is answered by yes or no.
     const offered = replies.length && candidates.length === 1 ? [] : candidates;
@@ -135,6 +136,9 @@ export class Talk {
       make("b", {}, String(one.number)), chip(one.rgb), make("span", {}, one.words),
     ));
     const answers = replies.map((text) => make("button", { type: "button", onclick: () => this.say(text) }, text));
+    // A question that was asked before an aside is told again, so that it is clear what a button answers.
+    const last = turns.at(-1).question;
+    const told = !question || last === question || (last && choices.length > 0);
     const open = told || !(answers.length + choices.length) ? [] : [make("p", { className: "open" }, capital(question))];
     const title = choices.length && told ? [make("p", {}, asked ? "Which one?" : "Or do you mean:")] : [];
     box.replaceChildren(...open, ...answers, ...title, ...choices);

@@ -103,6 +103,19 @@ def say(page: Page, text: str) -> None:
     until(page, lambda: page.locator("#turns .answer").count() > turns)
 
 
+def drawn(page: Page, colour: str) -> int:
+    """The number of pixels of the map that have a colour: a condition on r, g and b."""
+    count = f"""() => {{
+      const canvas = document.querySelector('#map canvas');
+      const {{ data }} = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+      const matches = ([r, g, b]) => {colour};
+      let count = 0;
+      for (let at = 0; at < data.length; at += 4) count += matches([...data.subarray(at, at + 3)]) ? 1 : 0;
+      return count;
+    }}"""
+    return int(page.evaluate(count))
+
+
 def pixel(page: Page, x_m: float, y_m: float, figure: str = "#map") -> tuple[float, float]:
     """The place of a point of the ground in the page, by the circles of the map: the ego is in the middle."""
     box = page.locator(f"{figure} canvas").bounding_box()
@@ -153,17 +166,23 @@ def test_it_asks_and_a_button_answers(served: Served, page: Page) -> None:
     assert "Goal" in (goal.text_content() or "")
     assert re.fullmatch(r"cell \d+, \d+", goal.get_attribute("title") or "")
     assert "to the left" in (goal.text_content() or "")
-    cyan = "(([r, g, b]) => b > 200 && g > 160 && r < 130)"
-    drawn = f"""() => {{
-      const canvas = document.querySelector('#map canvas');
-      const {{ data }} = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
-      let count = 0;
-      for (let at = 0; at < data.length; at += 4) count += {cyan}([...data.subarray(at, at + 3)]) ? 1 : 0;
-      return count;
-    }}"""
-    assert page.evaluate(drawn) > 20, "the goal and the way are on the map"
+    assert drawn(page, "b > 200 && g > 160 && r < 130") > 20, "the goal and the way are on the map"
     say(page, "and then turn right")
     assert page.locator("#turns .said").count() == 3
+
+
+def test_the_vehicles_of_an_open_question_stay_marked_while_time_goes_on(served: Served, page: Page) -> None:
+    amber = "r > 230 && g > 180 && g < 225 && b < 90"
+    opened(page, f"{served.address}?frame=1")
+    assert drawn(page, amber) == 0
+    say(page, "stop behind the white car")
+    marked = drawn(page, amber)
+    assert marked > 50
+    page.keyboard.press("Escape")
+    page.keyboard.press("ArrowRight")
+    at_frame(page, 2)
+    until(page, lambda: drawn(page, amber) > marked / 2)
+    assert page.locator("#replies .choice").count() == 2
 
 
 def test_a_question_is_told_above_its_buttons_after_an_aside(served: Served, page: Page) -> None:
