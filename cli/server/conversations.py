@@ -127,7 +127,7 @@ class Conversations:
         else:
             planned = talk.session.update(bev, vehicles, pose)
             lost = planned is not None and planned.status != "ok"
-            talk.goal, talk.lost = (None, planned.reasons[0]) if planned and lost else (planned, "")
+            talk.goal, talk.lost = (None, planned.reasons[-1]) if planned and lost else (planned, "")
         talk.answer = None
         talk.about, talk.frame = about, place.frame
         return talk.session
