@@ -23,7 +23,8 @@ from cli.common import (
 
 if TYPE_CHECKING:
     from appocc.nuscenes import Dataset, Scene
-    from appocc.viewer.timeline import ShownBoxes, ShownGoal
+    from appocc.viewer.timeline import ShownGoal
+    from tracking.pipeline import SceneTracks
 
 
 def view(
@@ -59,7 +60,8 @@ def view(
     """Write a scene as a timeline for a viewer: cameras, boxes, the map on the ground, tracks, the goal of a command.
 
     Open the file with `rerun FILE.rrd` (Rerun), or with Foxglove. The tracks are those of `appocc track`, if it was
-    run on the same maps, else they are made.
+    run on the same maps, else they are made. A command is grounded on them too; on true maps without such a file, on
+    the annotated boxes.
 
     Exit 0: written; 2 or 3: as `appocc ground`, if the command has no goal.
 
@@ -71,6 +73,7 @@ def view(
     from appocc.viewer.mcap_file import FOXGLOVE, write_mcap
     from appocc.viewer.rerun_file import RERUN, write_rerun
     from appocc.viewer.timeline import Timeline
+    from tracking.visualization.shown import shown_tracks
 
     wanted = ((rrd, write_rerun, RERUN), (mcap, write_mcap, FOXGLOVE))
     writers = [(path, write, package) for path, write, package in wanted if path is not None]
@@ -85,8 +88,9 @@ def view(
     if not samples:
         raise DataError(f"{root}: scene '{chosen.name}' has no key frames")
     source = choose_source(root, bev) if bev is not None or command is not None or map_sources(root) else None
-    goal = _goal(dataset, chosen, source, command, frame)
-    tracks, origin = _tracks(dataset, chosen, source)
+    tracked, origin = _tracks(dataset, chosen, source)
+    goal = _goal(dataset, chosen, tracked, origin, command, frame)
+    tracks = None if tracked is None else shown_tracks(tracked)
     for path, write, _ in writers:
         with progress(path.name, len(samples)) as advance:
             write(Timeline(dataset, chosen, source, tracks, goal, advance), path)
@@ -110,29 +114,34 @@ def _check_endings(rrd: Path | None, mcap: Path | None) -> None:
             raise DataError(f"{path}: expected a name that ends in {ending}")
 
 
-def _tracks(dataset: Dataset, scene: Scene, source: str | None) -> tuple[list[ShownBoxes] | None, str | None]:
+def _tracks(dataset: Dataset, scene: Scene, source: str | None) -> tuple[SceneTracks | None, str | None]:
     """Return the tracks to show and where they are from; None without maps."""
     if source is None:
         return None, None
     from cli.view_scene import scene_tracks
-    from tracking.visualization.shown import shown_tracks
 
     with progress("tracking", len(dataset.samples(scene))) as advance:
-        result, origin = scene_tracks(dataset, scene, source, advance)
-    return shown_tracks(result), origin
+        return scene_tracks(dataset, scene, source, advance)
 
 
-def _goal(dataset: Dataset, scene: Scene, source: str | None, command: str | None, frame: int) -> ShownGoal | None:
+def _goal(
+    dataset: Dataset,
+    scene: Scene,
+    tracked: SceneTracks | None,
+    origin: str | None,
+    command: str | None,
+    frame: int,
+) -> ShownGoal | None:
     """Return the goal to show; None without a command.
 
     Raises:
         typer.Exit: with the exit code of `appocc ground`, if the command has no goal.
     """
-    if command is None or source is None:
+    if command is None or tracked is None or origin is None:
         return None
     from cli.view_scene import command_goal
 
-    answer, goal = command_goal(dataset, scene, source, command, frame)
+    answer, goal = command_goal(dataset, scene, tracked, origin, command, frame)
     say(answer.text())
     if goal is None:
         raise typer.Exit(answer.exit_code or 3)

@@ -15,6 +15,8 @@ from grounding.pipeline import set_key_frame
 from tracking.io.nuscenes_tracks import read_tracks
 from tracking.pipeline import SceneTracks, read_key_frames, track_scene, tracks_folder
 
+MADE_NOW = "made now"
+
 
 def scene_tracks(
     dataset: Dataset, scene: Scene, source: str, advance: Callable[[int], None]
@@ -26,23 +28,35 @@ def scene_tracks(
     """
     file = tracks_folder(dataset.root, source, scene.name) / "tracking.json"
     if not file.is_file():
-        return track_scene(dataset, scene, source, advance=advance), "made now"
+        return track_scene(dataset, scene, source, advance=advance), MADE_NOW
     samples, poses = read_key_frames(dataset, scene)
     tracks = read_tracks(file, [sample.token for sample in samples])
     return SceneTracks(scene.name, source, samples, poses, tracks), str(file)
 
 
 def command_goal(
-    dataset: Dataset, scene: Scene, source: str, command: str, frame: int
+    dataset: Dataset, scene: Scene, shown: SceneTracks, origin: str, command: str, frame: int
 ) -> tuple[Answer, ShownGoal | None]:
     """Ground a command at a key frame; return the answer, and its goal if it has one.
+
+    The vehicles are those of the page: tracks of a file, else annotated boxes on true maps, else the tracks made now.
+
+    Args:
+        dataset: with maps of the source of the tracks.
+        scene: a scene of it.
+        shown: its tracks.
+        origin: where they are from, as `scene_tracks` tells.
+        command: what is said.
+        frame: index of the key frame.
 
     Raises:
         DataError: if a map is missing or damaged.
         NotFoundError: if there is no such key frame.
     """
-    grounder = Grounder()
-    key_frame = set_key_frame(grounder, dataset, sample_at(dataset, scene, frame), source, images=False)
+    grounder, sample = Grounder(), sample_at(dataset, scene, frame)
+    boxes = origin == MADE_NOW and shown.on_truth and dataset.annotated(scene)
+    tracks = None if boxes else shown.tracks[frame]
+    key_frame = set_key_frame(grounder, dataset, sample, shown.source, tracks=tracks, images=False)
     answer = grounder.ground(command)
     if answer.target is None:
         return answer, None

@@ -67,8 +67,9 @@ class Request:
         reading: reading whose query is this step.
         chosen: the referent, if it is settled.
         ruled_out: ids of objects that are not meant.
-        shifts: changes of the place, in order.
-        held: goal of a step without a vehicle that is kept while driving; None if it is planned from the query.
+        shifts: changes of the place, in order; with `held`, since then.
+        held: place that was agreed to, or that of a step without a vehicle while driving, which is kept in the world;
+            None if it is planned from the query.
         sighting: the vehicle when the step was asked for; None before the scene changes.
     """
 
@@ -188,7 +189,7 @@ def accept_proposal(request: Request, answer: Answer) -> Request:
         query = replace(request.query, action=plan.instead, actions=(plan.instead,), relation="none")
         return Request(reading=replace(request.reading, query=query, steps=(query,)), chosen=chosen)
     held = None if plan.nearest is None else HeldPose(plan.nearest.world_m, plan.nearest.heading_rad)
-    return replace(request, chosen=chosen, held=held)
+    return replace(request, chosen=chosen, held=held, shifts=() if held else request.shifts)
 
 
 def pick(options: Sequence[_Option], number: int, name: str) -> _Option:
@@ -340,11 +341,9 @@ def _plan(
 ) -> GoalPlan:
     query = request.query
     item, partner = (candidate.item, candidate.partner) if candidate else (None, None)
-    goal_plan = None if request.held is None else hold_goal(request.held, scene, road)
-    if goal_plan is not None:
-        return goal_plan
-    goal_plan = plan_place(query, scene, road, item, partner, exclusions, start)
-    if item is None and query.landmark == "secondary" and landmark_of(query) is None:
+    held = None if request.held is None else hold_goal(request.held, scene, road)
+    goal_plan = held or plan_place(query, scene, road, item, partner, exclusions, start)
+    if held is None and item is None and query.landmark == "secondary" and landmark_of(query) is None:
         # The map does not hold the landmark: report the goal as the nearest free place and not as the answer.
         landmark = query.secondary[0].noun.replace("_", " ")
         relation, one = query.relation.replace("_", " "), with_article(landmark)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from appocc.bevmap import BEVMap, load_map
@@ -10,6 +11,7 @@ from appocc.nuscenes import Dataset, Sample
 from appocc.nuscenes.maps import vector_map
 from grounding.grounder import Grounder
 from tracking.io.nuscenes_tracks import read_key_frame
+from tracking.tracks import Track
 
 
 def set_key_frame(
@@ -18,7 +20,7 @@ def set_key_frame(
     sample: Sample,
     source: str,
     *,
-    tracks: Path | None = None,
+    tracks: Path | Sequence[Track] | None = None,
     images: bool = True,
 ) -> Frame:
     """Set a key frame of a dataset as the scene of a grounder.
@@ -31,7 +33,7 @@ def set_key_frame(
         dataset: with maps of `source`.
         sample: the key frame.
         source: source of the map, as in `appocc.bevmap.bev_path`.
-        tracks: nuScenes tracking results that contain the key frame.
+        tracks: those of the key frame, or nuScenes tracking results that contain it.
         images: whether the returned frame has its images.
 
     Returns:
@@ -43,10 +45,11 @@ def set_key_frame(
     frame = dataset.frame(sample, images=images)
     bev = load_map(dataset.root, source, sample.token)
     grounder.set_street_map(vector_map(dataset, dataset.scene(sample.scene_token)))
-    if tracks is not None:
-        grounder.set_scene(bev, read_key_frame(tracks, sample.token), frame.world_from_ego)
-    else:
+    if tracks is None:
         grounder.set_scene(bev, frame.boxes_ego if bev.is_truth else None, frame.world_from_ego)
+    else:
+        given = read_key_frame(tracks, sample.token) if isinstance(tracks, Path) else tracks
+        grounder.set_scene(bev, given, frame.world_from_ego)
     return frame
 
 

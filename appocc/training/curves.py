@@ -36,7 +36,7 @@ def plot_curves(lines: Sequence[dict[str, Any]], path: Path) -> None:
         own = [line for line in val if line["best_iou"][name] is not None]
         steps, values = [line["step"] for line in own], [100 * line["best_iou"][name] for line in own]
         iou.plot(steps, values, color=_CLASS_COLOURS[name], label=name, marker=_marker(own))
-    iou.set(title="validation IoU, percent, at the best threshold", xlabel="step", ylim=(0, 100))
+    iou.set(title="validation IoU, percent", xlabel="step; IoU at the best threshold", ylim=(0, 100))
     for axes in (occupancy, colour, iou):
         axes.set_xlim(left=0)
         axes.grid(alpha=0.3)

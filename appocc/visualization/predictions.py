@@ -22,7 +22,7 @@ PANELS = {
     "appearance": "colour from above, ahead is up",
     "occupancy": "road grey, line markings yellow, vehicles blue",
 }
-_SCALE, _GAP_PX, _MIN_WIDTH_PX, _CAPTION_PX, _AWAY_PX = 4, 8, 1200, 26, 14
+_CELL_PX, _GAP_PX, _MIN_WIDTH_PX, _CAPTION_PX, _AWAY_PX = 4, 8, 1200, 26, 14
 
 
 def prediction_figure(frame: Frame, bev: BEVMap, vehicles: VehicleMarks) -> ByteArray:
@@ -40,13 +40,15 @@ def figure_below_cameras(frame: Frame, bev: BEVMap, rows: Sequence[Sequence[Byte
     return stack_centred([camera_sheet(frame.images, rig, width_px), *below])
 
 
-def map_panel(bev: BEVMap, what: str, vehicles: VehicleMarks, ego: EgoVehicle, title: str = "") -> ByteArray:
+def map_panel(
+    bev: BEVMap, what: str, vehicles: VehicleMarks, ego: EgoVehicle, title: str = "", cell_px: int = _CELL_PX
+) -> ByteArray:
     """Draw one of `PANELS` of a map below a caption; vehicles are labelled with their distance along x, metres.
 
     On the colours, vehicles are filled with their paint. Labels do not cover each other: where there is no room, the
     farther vehicle has none.
     """
-    canvas = BEVCanvas(bev.grid, _SCALE)
+    canvas = BEVCanvas(bev.grid, cell_px)
     getattr(canvas, what)(bev)
     vehicles = vehicles.select(bev.grid.contains(bev.grid.cell_of(vehicles.centre_m))).near_first()
     corners_m = footprints(vehicles.centre_m, vehicles.yaw_rad, vehicles.length_width_m)

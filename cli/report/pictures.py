@@ -19,7 +19,8 @@ from appocc.visualization.vehicle_marks import VehicleMarks
 from cli.infer import vehicle_marks
 from cli.report.content import ReportContent
 
-_WIDTH_PX, _QUALITY = 1200, 78
+# Two maps side by side fill a picture: a larger one would be reduced, with the writing in it.
+_WIDTH_PX, _MAP_PX, _QUALITY = 1216, 600, 78
 
 
 class ReportPicture(NamedTuple):
@@ -73,8 +74,12 @@ def _draw(dataset: Dataset, content: ReportContent, scene: str, number: int) -> 
         shown.append((content.against, load_map(dataset.root, content.against, sample.token)))
     marks = [vehicle_marks(shown[0][1]), VehicleMarks.of_boxes(frame.boxes_ego or Boxes.empty())]
     ego = frame.rig.ego_vehicle
+    cell_px = max(_MAP_PX // shown[0][1].grid.shape[1], 1)
     rows = [
-        [map_panel(bev, what, mark, ego, f"{name}: ") for (name, bev), mark in zip(shown, marks, strict=False)]
+        [
+            map_panel(bev, what, mark, ego, f"{name}: ", cell_px)
+            for (name, bev), mark in zip(shown, marks, strict=False)
+        ]
         for what in PANELS
     ]
     rows = rows if len(shown) > 1 else [[panels[0] for panels in rows]]
@@ -82,7 +87,7 @@ def _draw(dataset: Dataset, content: ReportContent, scene: str, number: int) -> 
 
 
 def jpeg_uri(picture: ByteArray) -> str:
-    """Return a picture (H, W, 3) as the data URI of a JPEG, at most 1200 pixels wide."""
+    """Return a picture (H, W, 3) as the data URI of a JPEG, at most 1216 pixels wide."""
     small = resized(picture, min(1.0, _WIDTH_PX / picture.shape[1]))
     data = cv2.imencode(".jpg", cv2.cvtColor(small, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1]
     return f"data:image/jpeg;base64,{base64.b64encode(data.tobytes()).decode()}"

@@ -56,18 +56,32 @@ def shown_as_json(goal: Answer | None, answer: Answer | None) -> dict[str, Any] 
 def candidates_as_json(
     candidates: Sequence[Candidate], scene: SceneModel, chosen: Candidate | None
 ) -> list[dict[str, Any]]:
-    """Return the vehicles of a scene that can be chosen, by number from 1; the one that is meant is left out."""
-    meant = None if chosen is None else chosen.item.id
+    """Return the candidates that can be chosen, by number from 1; the one that is meant is left out.
+
+    A candidate is a vehicle, or two for "between".
+    """
     return [
         {
             "number": number,
-            "id": one.item.id,
-            "words": describe_object(one.item, scene),
+            "key": candidate_key(one),
+            "ids": [item.id for item in (one.item, one.partner) if item is not None],
+            "words": candidate_words(one, scene),
             "rgb": None if one.item.rgb is None else [round(float(v)) for v in one.item.rgb],
         }
         for number, one in enumerate(candidates, start=1)
-        if one.item.id != meant
+        if chosen is None or candidate_key(one) != candidate_key(chosen)
     ]
+
+
+def candidate_key(candidate: Candidate) -> str:
+    """Return what names a candidate from frame to frame: the ids of its vehicles."""
+    return candidate.item.id if candidate.partner is None else f"{candidate.item.id} + {candidate.partner.id}"
+
+
+def candidate_words(candidate: Candidate, scene: SceneModel) -> str:
+    """Describe the vehicle of a candidate, or both of a pair."""
+    words = describe_object(candidate.item, scene)
+    return words if candidate.partner is None else f"{words}, and the {describe_object(candidate.partner, scene)}"
 
 
 def _goal_words(answer: Answer) -> dict[str, Any]:

@@ -77,10 +77,16 @@ class Page:
     def __init__(self, library: Library) -> None:
         """Serve the recordings of a library."""
         self._library = library
-        self._moments = Moments(TrackStore())
+        self._tracks = TrackStore()
+        self._moments = Moments(self._tracks)
         self._conversations = Conversations(self._moments)
         self.jobs = Jobs()
         self._pictures: BoundedCache[str, bytes] = BoundedCache(_PICTURE_BYTES, len)
+
+    def close(self) -> None:
+        """End the work that goes on in the background."""
+        self.jobs.close()
+        self._tracks.close()
 
     # Recordings -----------------------------------------------------------------------------------------------------
 
@@ -285,9 +291,11 @@ def build_app(library: Library, token: str | None = None) -> Starlette:
 
     @asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
-        Thread(target=warm_up, daemon=True, name="warm up").start()
+        warming = Thread(target=warm_up, daemon=True, name="warm up")
+        warming.start()
         yield
-        page.jobs.close()
+        page.close()
+        warming.join()
 
     at_frame = "/api/recordings/{recording}/{scene}/{frame}"
     routes = [

@@ -9,15 +9,14 @@ from threading import Lock
 from typing import Any
 
 from appocc.errors import AppoccError, DataError, NotFoundError
-from cli.server.answers import candidates_as_json, shown_as_json, turn_as_json
+from cli.server.answers import candidate_key, candidate_words, candidates_as_json, shown_as_json, turn_as_json
 from cli.server.moments import Moments
 from cli.server.recording import Place, Recording
 from grounding import Answer, Grounder, Session
-from grounding.describe import describe_object
 from grounding.referent.scene import SceneModel
 
-# Conversations that are kept, the turns of each, and the longest sentence.
-_MOST_TALKS, _MOST_TURNS, MOST_CHARACTERS = 64, 200, 500
+# Conversations that are kept (each holds a scene of some 50 MB), the turns of each, and the longest sentence.
+_MOST_TALKS, _MOST_TURNS, MOST_CHARACTERS = 16, 200, 500
 
 
 @dataclass(eq=False)
@@ -86,8 +85,8 @@ class Conversations:
             session = self._moved(talk, recording, place)
             return _answered(talk, session, text, lambda: session.say(text))
 
-    def choose(self, talk: Talk, recording: Recording, place: Place, vehicle: str) -> dict[str, Any]:
-        """Choose a vehicle of the last question or answer by its id: numbers change while the scene moves.
+    def choose(self, talk: Talk, recording: Recording, place: Place, key: str) -> dict[str, Any]:
+        """Choose a candidate of the last question or answer by its key: numbers change while the scene moves.
 
         Raises:
             NotFoundError: if it is not among the candidates any more.
@@ -95,11 +94,11 @@ class Conversations:
         with talk.lock:
             session = self._moved(talk, recording, place)
             numbered = enumerate(session.candidates, start=1)
-            found = next(((number, one.item) for number, one in numbered if one.item.id == vehicle), None)
+            found = next(((number, one) for number, one in numbered if candidate_key(one) == key), None)
             if found is None or talk.scene is None:
                 raise NotFoundError("this vehicle is no longer in view: please say it again")
-            number, item = found
-            words = f"the {describe_object(item, talk.scene)}"
+            number, candidate = found
+            words = f"the {candidate_words(candidate, talk.scene)}"
             return _answered(talk, session, words, lambda: session.choose(number))
 
     def move(self, talk: Talk, recording: Recording, place: Place) -> dict[str, Any]:
@@ -128,7 +127,7 @@ class Conversations:
         else:
             planned = talk.session.update(bev, vehicles, pose)
             lost = planned is not None and planned.status != "ok"
-            talk.goal, talk.lost = (None, planned.reasons[0]) if planned and lost else (planned, "")
+            talk.goal, talk.lost = (None, planned.reasons[-1]) if planned and lost else (planned, "")
         talk.answer = None
         talk.about, talk.frame = about, place.frame
         return talk.session
@@ -143,11 +142,6 @@ def _answered(talk: Talk, session: Session, text: str, ask: Callable[[], Answer]
     return talk_as_json(talk)
 
 
-def is_aside(turn: dict[str, Any]) -> bool:
-    """Return whether a turn leaves the goal as it is: an answer in words, or a sentence that is not understood."""
-    return turn["goal"] is None and turn["status"] in ("ok", "not_a_command")
-
-
 def talk_as_json(talk: Talk) -> dict[str, Any]:
     """Return a conversation: its turns in words, what map and cameras show now, and the buttons of the last turn."""
     about = None
@@ -158,18 +152,17 @@ def talk_as_json(talk: Talk) -> dict[str, Any]:
     shown = shown_as_json(talk.goal, talk.answer)
     found: dict[str, Any] = {"talk": talk.key, "about": about, "turns": talk.turns, "shown": shown, "lost": talk.lost}
     if session is None or now is None or not talk.turns:
-        return {**found, "candidates": [], "replies": []}
-    proposes = talk.answer is not None and bool(talk.answer.plan.question)
-    asks_yes_or_no = proposes or (bool(session.question) and len(session.candidates) == 1)
-    # The candidates of an earlier goal are none for a sentence that finds nothing, or that is not about it.
-    last = talk.turns[-1]
-    asks = last["question"] if last["status"] == "not_found" else session.question or not is_aside(last)
-    offered = session.candidates if asks else ()
+        return {**found, "question": "", "candidates": [], "replies": []}
+    # Without a question, only an answer that tells the goal offers other vehicles for it: those of a sentence that
+    # found nothing are not what "or do you mean" is about.
+    of_goal = session.goal is not None and session.candidates is session.goal.candidates
+    offers = session.question or (of_goal and talk.turns[-1]["goal"] is not None)
     told = talk.answer or talk.goal
     return {
         **found,
-        "candidates": candidates_as_json(offered, now, told.referent if told else None),
-        "replies": ["yes", "no"] if asks_yes_or_no else [],
+        "question": session.question,
+        "candidates": candidates_as_json(session.candidates if offers else (), now, told.referent if told else None),
+        "replies": ["yes", "no"] if session.proposes else [],
     }
 
 

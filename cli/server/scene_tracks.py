@@ -42,6 +42,10 @@ class SceneVehicles(NamedTuple):
     problem: str = ""
 
 
+class _StoppedError(Exception):
+    """Nobody waits for the tracks any more."""
+
+
 @dataclass(eq=False)
 class _Work:
     """Tracking of a scene in a thread."""
@@ -50,9 +54,13 @@ class _Work:
     done: int = 0
     began_s: float = field(default_factory=time.monotonic)
     result: Future[Frames] = field(default_factory=Future)
+    stopped: bool = False
+    thread: Thread | None = None
 
     def advance(self, steps: int) -> None:
         self.done += steps
+        if self.stopped:
+            raise _StoppedError
 
 
 class TrackStore:
@@ -87,11 +95,20 @@ class TrackStore:
             if key not in self._work:
                 self._work[key] = work = _Work(max(len(recording.samples(scene)), 1))
                 arguments = (work, recording, scene, source, file)
-                Thread(target=_run, args=arguments, daemon=True, name="tracking").start()
+                work.thread = Thread(target=_run, args=arguments, daemon=True, name="tracking")
+                work.thread.start()
             self._work.move_to_end(key)
             while len(self._work) > _MOST_SCENES:
                 self._work.popitem(last=False)
             return self._work[key]
+
+    def close(self) -> None:
+        """End all tracking: a thread in compiled code would abort the process at its end."""
+        with self._lock:
+            for work in self._work.values():
+                work.stopped = True
+            for thread in (work.thread for work in self._work.values() if work.thread is not None):
+                thread.join()
 
 
 def _tracks_file(recording: Recording, scene: int, source: str) -> Path | None:

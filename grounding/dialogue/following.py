@@ -11,6 +11,7 @@ from appocc.geometry import apply, inverse, wrap_angle
 from grounding.answer import Answer
 from grounding.answering import Request, Sighting
 from grounding.describe import describe_object
+from grounding.dialogue.telling import ask
 from grounding.goal.shift import HeldPose
 from grounding.referent.resolver import Candidate
 from grounding.referent.scene import SceneModel
@@ -52,6 +53,19 @@ def relocate(candidate: Candidate, before: SceneModel, scene: SceneModel) -> Can
     return replace(candidate, item=item, partner=partner)
 
 
+def follow_question(asked: Answer, before: SceneModel, scene: SceneModel) -> Answer | None:
+    """Return the open question in a new scene; None if what it is about is lost."""
+    kept = tuple(found for one in asked.candidates if (found := relocate(one, before, scene)))
+    if asked.plan.question:  # a proposed place stays where it is in the world
+        referent = asked.referent and relocate(asked.referent, before, scene)
+        lost = asked.referent is not None and referent is None
+        return None if lost else replace(asked, referent=referent, candidates=kept, scene=scene)
+    if not kept:
+        return None
+    # Near misses of a sentence that found nothing are remembered, but not asked about.
+    return ask(kept, asked.reading, scene) if asked.question else replace(asked, candidates=kept, scene=scene)
+
+
 def follow_plan(requests: Sequence[Request], goal: Answer, before: SceneModel, scene: SceneModel) -> FollowedPlan:
     """Return the steps of a plan that are left in a new scene.
 
@@ -74,9 +88,8 @@ def follow_plan(requests: Sequence[Request], goal: Answer, before: SceneModel, s
             reason = f"the vehicle of the command is lost: the {named} when it was last seen, is no longer there"
             lost = Answer(status="not_found", reading=step.reading, scene=scene, reasons=(reason,))
             return FollowedPlan(tuple(requests), tuple(reasons), lost)
-        held = _held_pose(step, answered)
         sighting = step.sighting or (None if step.chosen is None else Sighting.of(step.chosen.item, before))
-        moved.append(replace(step, chosen=now, held=held, sighting=sighting))
+        moved.append(replace(_hold(step, answered), chosen=now, sighting=sighting))
     return FollowedPlan(tuple(moved), tuple(reasons))
 
 
@@ -117,11 +130,14 @@ def _done(step: Request, answered: Answer, before: SceneModel, scene: SceneModel
     return f"the step '{action}' is done" if off_m < _DONE_M and abs(turn) < _DONE_RAD else ""
 
 
-def _held_pose(step: Request, answered: Answer) -> HeldPose | None:
-    """Return the pose that a step without a vehicle keeps: "stop in 20 metres" is not measured anew on every map."""
-    if step.chosen is not None or answered.target is None:
-        return None
-    return HeldPose(answered.target.world_m, answered.target.heading_rad)
+def _hold(step: Request, answered: Answer) -> Request:
+    """Return a step that keeps its place in the world, if it names no vehicle or its place was agreed to.
+
+    "Stop in 20 metres" is not measured anew on every map.
+    """
+    if answered.target is None or (step.chosen is not None and step.held is None):
+        return step
+    return replace(step, held=HeldPose(answered.target.world_m, answered.target.heading_rad), shifts=())
 
 
 def _find(item: SceneObject, before: SceneModel, scene: SceneModel) -> SceneObject | None:

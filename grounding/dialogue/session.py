@@ -38,12 +38,8 @@ from grounding.dialogue.choices import (
 )
 from grounding.dialogue.commands import answer_command, ask_to_stop
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.following import follow_plan, relocate
-from grounding.dialogue.fragments import (
-    complete,
-    has_verb,
-    names_pronoun,
-)
+from grounding.dialogue.following import follow_plan, follow_question, relocate
+from grounding.dialogue.fragments import complete, has_verb, names_pronoun
 from grounding.dialogue.reports import (
     ask_again,
     cancel,
@@ -56,7 +52,6 @@ from grounding.dialogue.reports import (
     tell_seen,
     tell_vehicle,
 )
-from grounding.dialogue.telling import ask
 from grounding.dialogue.turns import Turn, read_turn
 from grounding.goal.shift import Shift
 from grounding.language.reader.fields import NONE
@@ -136,6 +131,14 @@ class Session:
         return question.question if question else ""
 
     @property
+    def proposes(self) -> bool:
+        """Whether the open question proposes something: yes or no is an answer to it."""
+        question = self._talk.state.question
+        return question is not None and (
+            bool(question.plan.question) or (bool(question.question) and len(question.candidates) == 1)
+        )
+
+    @property
     def candidates(self) -> tuple[Candidate, ...]:
         """The vehicles that `choose` numbers from 1: those of the open question, else of the goal in force."""
         about = self._talk.state.question or self._talk.state.goal
@@ -196,9 +199,8 @@ class Session:
             # A lost referent is remembered as it was last seen, so that it can be told and found again.
             state = replace(state, focus=(found or state.focus[0], state.focus[1]))
         if state.question is not None:
-            kept = [found for one in state.question.candidates if (found := relocate(one, before, scene))]
-            asked = ask(kept, state.question.reading, scene) if kept else None
-            state = replace(state, question=asked, offered=tuple(kept))
+            asked = follow_question(state.question, before, scene)
+            state = replace(state, question=asked, offered=asked.candidates if asked else ())
         talk.state = state
         if not state.plan or state.goal is None:
             return None

@@ -12,9 +12,11 @@ from tiny_dataset import TinyDataset, token
 from typer.testing import CliRunner, Result
 
 from appocc.bevmap import bev_path
+from appocc.checks import ByteArray
 from appocc.errors import AppoccError
 from appocc.evaluation.bev import EvaluationConfig, evaluate
 from appocc.nuscenes import Dataset
+from appocc.visualization.layout import resized
 from cli.main import app
 
 
@@ -72,6 +74,20 @@ def test_the_page_is_whole_in_itself(predicted: TinyDataset, tmp_path: Path) -> 
     assert {link[1:] for link in page.links if link.startswith("#")} <= set(page.ids)
     assert sum(link.startswith("data:image/jpeg;base64,/9j/") for link in page.links) == 3 + 3
     assert (tmp_path / "r.html").stat().st_size < 10_000_000
+
+
+def test_the_writing_in_pictures_is_not_reduced(
+    predicted: TinyDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scales: list[float] = []
+
+    def note(picture: ByteArray, scale: float) -> ByteArray:
+        scales.append(scale)
+        return resized(picture, scale)
+
+    monkeypatch.setattr("cli.report.pictures.resized", note)
+    made(predicted.root, tmp_path)
+    assert set(scales) == {1.0}
 
 
 def test_the_figures_are_those_of_the_evaluation(predicted: TinyDataset, tmp_path: Path) -> None:

@@ -137,6 +137,24 @@ def test_tracks_that_are_there_are_shown(street: TinyDataset, tmp_path: Path) ->
     assert rerun_rows(tmp_path / "scene.rrd")["/world/tracks"][2]["Boxes3D:labels"][0].startswith("77 ")
 
 
+def test_a_command_is_about_the_tracks_that_are_shown(street: TinyDataset, tmp_path: Path) -> None:
+    assert CliRunner().invoke(app, ["track", "scene", str(street.root)]).exit_code == 0
+    file = street.root / "tracks" / "groundtruth" / "scene-tiny" / "tracking.json"
+    written = json.loads(file.read_text())
+    for boxes in written["results"].values():
+        for box in boxes:
+            box["rgb"] = [200, 20, 20]  # the map and the annotations know a white car
+    file.write_text(json.dumps(written))
+    path = tmp_path / "scene.rrd"
+    done = run(street.root, "--rrd", str(path), "--command", "park behind the red car", "--frame", "1")
+    assert done.exit_code == 0, done.output
+    assert rerun_rows(path)["/world/goal"][0]["Boxes3D:labels"] == ["park behind the red car"]
+    assert "red car" in done.stderr
+    file.unlink()
+    done = run(street.root, "--rrd", str(path), "--command", "park behind the red car", "--frame", "1")
+    assert done.exit_code == 3, done.output
+
+
 # MCAP -------------------------------------------------------------------------------------------------------------
 
 

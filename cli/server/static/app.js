@@ -38,7 +38,7 @@ const talk = new Talk(() => draw());
 const board = new JobBoard({ finished: (job) => refresh(job), open: (job) => {
     open(job.recording);
     change({ source: job.source, vehicle: "" });
-  }, begun: () => draw() });
+  }, turned: () => (frame ? draw() : show()) });
 
 // What is open ------------------------------------------------------------------------------------------------------
 
@@ -52,6 +52,7 @@ async function list() {
 /** Look for new recordings and maps, such as those of a job. */
 async function refresh(job = null) {
   await list();
+  if (job && !state.recording) open(job.recording);
   if (job?.recording === state.recording) {
     forget();
     if (!state.source) change({ source: recording()?.sources[0] ?? "" });
@@ -81,6 +82,7 @@ function choices() {
   fill(byId("recording"), recordings.map(({ key, title }) => [key, title]), state.recording);
   fill(byId("scene"), (one?.scenes ?? []).map(({ name }, n) => [n, name]), state.scene);
   fill(byId("source"), (one?.sources ?? []).map((name) => [name, name]), state.source);
+  byId("recording-label").hidden = !recordings.length;
   byId("scene-label").hidden = !one?.scenes.length;
   byId("source-label").hidden = !one?.sources.length;
   byId("predict").hidden = !one?.scenes.length;
@@ -119,7 +121,9 @@ async function showOnce() {
   if (!one || one.error || !scene()?.frames) {
     frame = null;
     document.body.classList.add("empty");
-    note(one?.error ?? (one ? "This scene has no key frames." : "Nothing is open yet. “New drive…” simulates a short drive."));
+    note(one?.error ?? (one ? "This scene has no key frames."
+      : board.running ? "The drive is being made. It opens here when it is ready."
+      : "Nothing is open yet. “New drive…” simulates a short drive."));
     return;
   }
   document.body.classList.remove("empty");

@@ -8,9 +8,9 @@ const EVERY_MS = 700;
 const VERB = { simulate: "Simulating", predict: "Predicting" };
 
 export class JobBoard {
-  /** Show jobs; `finished` gets a job that has ended well, `open` one whose maps are to be shown; `begun` is called at a start. */
-  constructor({ finished, open, begun }) {
-    [this.finished, this.open, this.begun, this.last] = [finished, open, begun, null];
+  /** Show jobs; `finished` gets a job that has ended well, `open` one whose maps are to be shown; `turned` is called at starts and ends. */
+  constructor({ finished, open, turned }) {
+    [this.finished, this.open, this.turned, this.last] = [finished, open, turned, null];
     byId("new-drive").addEventListener("click", () => byId("drive").showModal());
     byId("drive").addEventListener("close", () => this.#drive());
     byId("predict").addEventListener("click", () => byId("predicting").showModal());
@@ -31,9 +31,13 @@ export class JobBoard {
     form.elements.seconds.max = drives.most_seconds;
   }
 
+  get running() {
+    return this.last?.state === "running";
+  }
+
   /** Whether the maps of a recording are being made. */
   predicts(recording) {
-    return this.last?.state === "running" && this.last.recording === recording;
+    return this.running && this.last.recording === recording;
   }
 
   #drive() {
@@ -69,11 +73,11 @@ export class JobBoard {
     } catch {
       job = this.last;
     }
-    const ran = this.last?.state === "running";
-    const ended = ran && job?.state !== "running";
+    const ran = this.running;
     this.last = job;
-    if (!ran && job?.state === "running") this.begun();
-    if (ended && job.state === "done") await this.finished(job).catch(() => {});
+    const ended = ran && !this.running;
+    if (ended && job?.state === "done") await this.finished(job).catch(() => {});
+    if (ran !== this.running) this.turned();
     if (job && (ended || job.state === "running")) this.#show(job);
     clearTimeout(this.timer);
     if (job?.state === "running") this.timer = setTimeout(() => this.look(), EVERY_MS);

@@ -30,8 +30,9 @@ export function covers(vehicle, x, y, margin = 0.4) {
 /** The colour and the width of the outline of a vehicle: what it is in the conversation, else its track. */
 export function inkOf(vehicle, shown, chosen, tracks) {
   if (shown?.referents.includes(vehicle.id)) return { ink: REFERENT, width: 2.5, important: true };
-  const number = shown?.candidates.find((one) => one.id === vehicle.id)?.number;
-  if (number) return { ink: CANDIDATE, width: 2, important: true, label: String(number) };
+  // A vehicle of several pairs has the numbers of all of them.
+  const numbers = (shown?.candidates ?? []).filter((one) => one.ids.includes(vehicle.id)).map((one) => one.number);
+  if (numbers.length) return { ink: CANDIDATE, width: 2, important: true, label: numbers.join(" ") };
   if (vehicle.id === chosen) return { ink: CHOSEN, width: 2.5, important: true };
   return { ink: tracks ? `hsl(${hue(vehicle.id)} 75% 68%)` : "rgb(235 238 245)", width: 1.5, important: false };
 }

@@ -6,6 +6,8 @@ import { change, state } from "./state.js";
 
 const FIRST = ["park behind the nearest car", "stop next to the vehicle", "which cars do you see?"];
 const FOLLOW_MS = 250;
+// What a question shows that waits for its answer while the scene moves on, beside its candidates.
+const NO_GOAL = { referents: [], target: null, nearest: null, runners_up: [], route: null, steps: [] };
 
 export class Talk {
   /** Hold the conversation of the page; `changed` is called when map and cameras must show something else. */
@@ -16,6 +18,8 @@ export class Talk {
       const text = byId("sentence").value.trim();
       if (text) this.say(text);
     });
+    // Out of the text field, the keys are those of the page again.
+    byId("sentence").addEventListener("keydown", (event) => event.key === "Escape" && event.target.blur());
     listen((text) => this.say(text));
     new ResizeObserver(scrollDown).observe(byId("turns"));
   }
@@ -23,8 +27,9 @@ export class Talk {
   /** What map and cameras show of the conversation at a frame: {referents, candidates, target, ...} or null. */
   at(frame) {
     const { data } = this;
-    if (!data?.shown || !this.#here() || data.about.frame !== frame) return null;
-    return { ...data.shown, candidates: data.candidates };
+    if (!this.#here() || data.about.frame !== frame) return null;
+    if (!data.shown && !data.candidates.length) return null;
+    return { ...(data.shown ?? NO_GOAL), candidates: data.candidates };
   }
 
   /** Why the goal in force cannot be planned for a frame; "" if it can. */
@@ -53,7 +58,7 @@ export class Talk {
   }
 
   choose(candidate) {
-    return this.#ask({ choose: candidate.id }, candidate.words);
+    return this.#ask({ choose: candidate.key }, candidate.words);
   }
 
   async #ask(more, text) {
@@ -116,7 +121,7 @@ export class Talk {
 
   /** The buttons of the last answer: vehicles to choose, yes and no; or sentences to begin with. */
   #buttons() {
-    const { turns = [], candidates = [], replies = [] } = this.data ?? {};
+    const { turns = [], candidates = [], replies = [], question = "" } = this.data ?? {};
     const box = byId("replies");
     if (!turns.length) {
       const tries = FIRST.map((text) => make("button", { type: "button", onclick: () => this.say(text) }, text));
@@ -131,12 +136,16 @@ export class Talk {
       make("b", {}, String(one.number)), chip(one.rgb), make("span", {}, one.words),
     ));
     const answers = replies.map((text) => make("button", { type: "button", onclick: () => this.say(text) }, text));
-    const title = choices.length ? [make("p", {}, asked ? "Which one?" : "Or do you mean:")] : [];
-    box.replaceChildren(...answers, ...title, ...choices);
+    // A question that was asked before an aside is told again, so that it is clear what a button answers.
+    const last = turns.at(-1).question;
+    const told = !question || last === question || (last && choices.length > 0);
+    const open = told || !(answers.length + choices.length) ? [] : [make("p", { className: "open" }, capital(question))];
+    const title = choices.length && told ? [make("p", {}, asked ? "Which one?" : "Or do you mean:")] : [];
+    box.replaceChildren(...open, ...answers, ...title, ...choices);
   }
 }
 
-const STATUS = { not_found: "Not found", not_a_command: "Not understood" };
+const STATUS = { not_found: "Not found", not_a_command: "Not a command" };
 
 function answerOf(turn, last) {
   const parts = [];

@@ -28,9 +28,9 @@ def test_an_ambiguous_sentence_asks_and_a_choice_answers(client: TestClient, at:
     assert asked["turns"][0]["status"] == "ambiguous"
     assert asked["turns"][0]["question"].endswith("?")
     left = next(one for one in asked["candidates"] if "left" in one["words"])
-    chosen = talk(client, at, talk=asked["talk"], choose=left["id"])
+    chosen = talk(client, at, talk=asked["talk"], choose=left["key"])
     assert [turn["status"] for turn in chosen["turns"]] == ["ambiguous", "ok"]
-    assert chosen["shown"]["referents"] == [left["id"]]
+    assert chosen["shown"]["referents"] == left["ids"]
     assert len(chosen["shown"]["target"]["footprint"]) == 4
     assert len(chosen["shown"]["route"]) > 1
     assert client.get(f"/api/talk/{asked['talk']}").json() == chosen, "a page that is loaded again gets the same"
@@ -44,6 +44,46 @@ def test_a_sentence_that_finds_nothing_does_not_offer_the_vehicles_of_the_goal_b
     lost = talk(client, at, talk=first["talk"], say="turn left at the next junction")
     assert lost["turns"][-1]["status"] == "not_found"
     assert lost["candidates"] == []
+
+
+def test_an_aside_does_not_offer_the_vehicles_of_a_sentence_that_found_nothing(client: TestClient, at: str) -> None:
+    goal = talk(client, at, say="stop behind the red car")
+    lost = talk(client, at, talk=goal["talk"], say="stop behind the bus")
+    assert lost["turns"][-1]["status"] == "not_found"
+    told = talk(client, at, talk=goal["talk"], say="where are you heading?")
+    assert told["turns"][-1]["goal"] == goal["turns"][-1]["goal"]
+    assert (told["question"], told["candidates"], told["replies"]) == ("", [], [])
+
+
+def test_a_question_stays_open_over_an_aside_and_is_told_with_its_buttons(client: TestClient, at: str) -> None:
+    goal = talk(client, at, say="stop behind the red car")
+    asked = talk(client, at, talk=goal["talk"], say="park behind the white car")
+    aside = talk(client, at, talk=goal["talk"], say="where are you heading?")
+    assert aside["turns"][-1]["question"] == "", "the aside is about the goal"
+    assert aside["question"] == asked["turns"][-1]["question"] != ""
+    assert aside["candidates"] == asked["candidates"]
+
+
+def test_a_proposal_is_answered_by_yes_or_no_at_the_next_frame_too(client: TestClient, at: str) -> None:
+    asked = talk(client, at, source="exact", say="park behind the black car")
+    assert asked["question"].endswith("shall we follow it?")
+    later = talk(client, at, source="exact", talk=asked["talk"], frame=2)
+    assert (later["question"], later["replies"]) == (asked["question"], ["yes", "no"])
+    agreed = talk(client, at, source="exact", talk=asked["talk"], frame=2, say="yes")
+    assert agreed["turns"][-1]["status"] == "ok"
+
+
+def test_pairs_are_told_apart_and_chosen_as_pairs(client: TestClient, at: str) -> None:
+    asked = talk(client, at, say="park between two cars")
+    offered = asked["candidates"]
+    assert len(offered) > 1
+    assert len({one["words"] for one in offered}) == len({one["key"] for one in offered}) == len(offered)
+    assert all(len(one["ids"]) == 2 for one in offered)
+    same_first = [one for one in offered if one["ids"][0] == offered[0]["ids"][0]]
+    assert len(same_first) > 1, "pairs that share a vehicle"
+    chosen = talk(client, at, talk=asked["talk"], choose=same_first[-1]["key"])
+    assert chosen["turns"][-1]["said"] == f"the {same_first[-1]['words']}"
+    assert same_first[-1]["key"] not in {one["key"] for one in chosen["candidates"]}
 
 
 def test_the_goal_follows_the_scene(client: TestClient, at: str) -> None:
@@ -79,8 +119,8 @@ def test_the_goal_in_force_is_shown_at_once_after_nothing_was_found_or_a_questio
     assert told["shown"]["referents"] == goal["shown"]["referents"]
     later = talk(client, at, talk=goal["talk"], frame=2)
     assert later["shown"]["referents"] == goal["shown"]["referents"]
-    same = [{key: one[key] for key in ("number", "id")} for one in told["candidates"]]
-    assert [{key: one[key] for key in ("number", "id")} for one in later["candidates"]] == same
+    same = [{key: one[key] for key in ("number", "key")} for one in told["candidates"]]
+    assert [{key: one[key] for key in ("number", "key")} for one in later["candidates"]] == same
 
 
 def test_a_goal_whose_vehicle_is_lost_is_told(client: TestClient, at: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -103,6 +103,19 @@ def say(page: Page, text: str) -> None:
     until(page, lambda: page.locator("#turns .answer").count() > turns)
 
 
+def drawn(page: Page, colour: str) -> int:
+    """The number of pixels of the map that have a colour: a condition on r, g and b."""
+    count = f"""() => {{
+      const canvas = document.querySelector('#map canvas');
+      const {{ data }} = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+      const matches = ([r, g, b]) => {colour};
+      let count = 0;
+      for (let at = 0; at < data.length; at += 4) count += matches([...data.subarray(at, at + 3)]) ? 1 : 0;
+      return count;
+    }}"""
+    return int(page.evaluate(count))
+
+
 def pixel(page: Page, x_m: float, y_m: float, figure: str = "#map") -> tuple[float, float]:
     """The place of a point of the ground in the page, by the circles of the map: the ego is in the middle."""
     box = page.locator(f"{figure} canvas").bounding_box()
@@ -153,17 +166,34 @@ def test_it_asks_and_a_button_answers(served: Served, page: Page) -> None:
     assert "Goal" in (goal.text_content() or "")
     assert re.fullmatch(r"cell \d+, \d+", goal.get_attribute("title") or "")
     assert "to the left" in (goal.text_content() or "")
-    cyan = "(([r, g, b]) => b > 200 && g > 160 && r < 130)"
-    drawn = f"""() => {{
-      const canvas = document.querySelector('#map canvas');
-      const {{ data }} = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
-      let count = 0;
-      for (let at = 0; at < data.length; at += 4) count += {cyan}([...data.subarray(at, at + 3)]) ? 1 : 0;
-      return count;
-    }}"""
-    assert page.evaluate(drawn) > 20, "the goal and the way are on the map"
+    assert drawn(page, "b > 200 && g > 160 && r < 130") > 20, "the goal and the way are on the map"
     say(page, "and then turn right")
     assert page.locator("#turns .said").count() == 3
+
+
+def test_the_vehicles_of_an_open_question_stay_marked_while_time_goes_on(served: Served, page: Page) -> None:
+    amber = "r > 230 && g > 180 && g < 225 && b < 90"
+    opened(page, f"{served.address}?frame=1")
+    assert drawn(page, amber) == 0
+    say(page, "stop behind the white car")
+    marked = drawn(page, amber)
+    assert marked > 50
+    page.keyboard.press("Escape")
+    page.keyboard.press("ArrowRight")
+    at_frame(page, 2)
+    until(page, lambda: drawn(page, amber) > marked / 2)
+    assert page.locator("#replies .choice").count() == 2
+
+
+def test_a_question_is_told_above_its_buttons_after_an_aside(served: Served, page: Page) -> None:
+    opened(page, f"{served.address}?frame=1")
+    say(page, "stop behind the red car")
+    say(page, "park behind the white car")
+    question = page.text_content("#turns .question")
+    assert page.locator("#replies .open").count() == 0, "it is in the answer just above"
+    say(page, "where are you heading?")
+    assert page.text_content("#replies .open") == question
+    assert page.locator("#replies .choice").count() == 2
 
 
 def test_a_sentence_is_text_and_no_html(served: Served, page: Page) -> None:
@@ -241,6 +271,19 @@ def test_the_map_zooms_and_moves(served: Served, page: Page) -> None:
     until(page, lambda: "0.0 m" in (page.text_content("#readout") or ""))
 
 
+def test_escape_leaves_the_text_field_and_then_lets_go_of_the_vehicle(served: Served, page: Page) -> None:
+    opened(page, f"{served.address}?frame=1&vehicle=track+1")
+    page.keyboard.press("/")
+    page.keyboard.type("ar")
+    page.keyboard.press("Escape")
+    assert page.locator("#vehicle").is_visible()
+    assert page.input_value("#sentence") == "ar"
+    page.keyboard.press("ArrowRight")
+    at_frame(page, 2)
+    page.keyboard.press("Escape")
+    until(page, page.locator("#vehicle").is_hidden)
+
+
 def test_keys_zoom_the_map(served: Served, page: Page) -> None:
     opened(page, f"{served.address}?frame=0&source=exact")
     x, y = pixel(page, 20.0, 0.0)
@@ -253,6 +296,22 @@ def test_keys_zoom_the_map(served: Served, page: Page) -> None:
     page.keyboard.press("0")
     page.mouse.move(x, y)
     until(page, lambda: "20.0 m ahead" in (page.text_content("#readout") or ""))
+
+
+@pytest.mark.parametrize("size", [(1024, 768), (820, 1180), (844, 390), (390, 844)])
+def test_every_control_is_in_view_from_the_start(size: tuple[int, int], served: Served, page: Page) -> None:
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    opened(page, f"{served.address}?frame=1&vehicle=track+1")
+    for control in page.locator("header select, header button, #say input, #say button, footer button").all():
+        box = control.bounding_box()
+        if box is not None:  # else it is hidden
+            name = control.get_attribute("id") or control.text_content()
+            assert 0 <= box["x"] < box["x"] + box["width"] <= size[0], name
+            assert 0 <= box["y"] < box["y"] + box["height"] <= size[1], name
+    say_at, play_at = (page.locator(part).bounding_box() for part in ("#sentence", "#play"))
+    assert say_at is not None
+    assert play_at is not None
+    assert say_at["y"] + say_at["height"] < play_at["y"], "the sentence is not below the time slider"
 
 
 @pytest.mark.parametrize("size", [(820, 1180), (1180, 820), (400, 800)])
@@ -353,8 +412,27 @@ def test_an_empty_folder_offers_a_drive(tmp_path: Path, page: Page) -> None:
         page.click("#new-drive")
         page.get_by_role("button", name="Start").click()
         until(page, lambda: "Simulating harrowmere" in (page.text_content("#job") or ""))
+        until(page, lambda: "being made" in (page.text_content("#note") or ""))
         assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth"), "the page keeps its width"
         page.get_by_role("button", name="Stop").click()
         until(page, lambda: "stopped" in (page.text_content("#job") or ""))
+        until(page, lambda: "Nothing is open" in (page.text_content("#note") or ""))
+    finally:
+        served.stop()
+
+
+def test_the_first_drive_opens_by_itself(tmp_path: Path, page: Page) -> None:
+    job = {"number": 1, "kind": "simulate", "title": "a drive", "state": "running", "done": 0, "total": 1}
+    job |= {"note": "", "seconds": 1.0, "recording": None, "source": "predicted"}
+    page.route("**/api/jobs", lambda route: route.fulfill(json={"jobs": [job]}))
+    served = Served(tmp_path)
+    try:
+        page.goto(served.address)
+        until(page, lambda: "being made" in (page.text_content("#note") or ""))
+        write_recording(tmp_path / "made", 2)
+        listed = page.request.get(f"{served.address}api/recordings").json()
+        job |= {"state": "done", "recording": listed["recordings"][0]["key"]}
+        at_frame(page, 0)
+        assert page.text_content("#map figcaption") == "predicted"
     finally:
         served.stop()

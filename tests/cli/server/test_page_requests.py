@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import threading
+import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -278,3 +281,21 @@ def test_a_fault_of_the_server_is_one_plain_line(
         assert answer.status_code == 500
         assert "secret" not in answer.text
     assert "ZeroDivisionError: secret" in capsys.readouterr().err
+
+
+def test_the_end_of_the_server_ends_tracking_and_warming_up(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def track_for_ever(*_: object, advance: Callable[[int], None], **__: object) -> None:
+        while True:
+            advance(1)
+            time.sleep(0.01)
+
+    before = set(threading.enumerate())
+    monkeypatch.setattr("cli.server.scene_tracks.track_scene", track_for_ever)
+    monkeypatch.setattr("cli.server.scene_tracks._PATIENCE_S", 0.0)
+    with TestClient(build_app(Library([root])), base_url="http://127.0.0.1:8040") as client:
+        key = client.get("/api/recordings").json()["recordings"][0]["key"]
+        shown = client.get(f"/api/recordings/{key}/0/0?source=predicted").json()
+        assert shown["tracking"]["kind"] == "map"
+        assert "tracking" in {thread.name for thread in set(threading.enumerate()) - before}
+    left = {thread.name for thread in set(threading.enumerate()) - before}
+    assert left & {"tracking", "warm up"} == set()

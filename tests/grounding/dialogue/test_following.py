@@ -121,3 +121,71 @@ def test_an_awaited_event_ends_its_step() -> None:
     gone = session.update(later.bev(), later.boxes(), pose(0.0))
     assert gone is not None
     assert [step.query.action for step in gone.steps] == ["park"]
+
+
+def test_what_was_found_instead_is_no_question_at_the_next_moment() -> None:
+    session = begin(Street().car("red", 18, -5, RED).car("white", 30, -5, WHITE))
+    assert session.say("stop behind the bus").status == "not_found"
+    offered = [one.item.id for one in session.candidates]
+    later = Street().car("red", 17, -5, RED).car("white", 29, -5, WHITE)
+    session.update(later.bev(), later.boxes(), pose(1.0))
+    assert session.question == ""
+    assert [one.item.id for one in session.candidates] == offered != []
+
+
+def test_a_proposal_holds_at_the_next_moment() -> None:
+    session = begin(Street().car("lead", 18, 0, RED, speed_mps=6).car("white", 30, -5, WHITE))
+    asked = session.say("park behind the red car")
+    assert "shall we follow it?" in asked.question
+    later = Street().car("lead", 20, 0, RED, speed_mps=6).car("white", 29, -5, WHITE)
+    session.update(later.bev(), later.boxes(), pose(1.0))
+    assert (session.question, session.proposes) == (asked.question, True)
+    answer = session.say("yes")
+    assert answer.referent is not None
+    assert (answer.status, answer.query.action) == ("ok", "follow")
+    assert answer.referent.item.centre_m == pytest.approx([20, 0], abs=0.3), "where it is now"
+
+
+def test_a_proposal_about_a_lost_vehicle_is_dropped() -> None:
+    session = begin(Street().car("lead", 18, 0, RED, speed_mps=6).car("white", 30, -5, WHITE))
+    session.say("park behind the red car")
+    without = Street().car("white", 29, -5, WHITE)
+    session.update(without.bev(), without.boxes(), pose(1.0))
+    assert (session.question, session.proposes) == ("", False)
+
+
+def no_room(x_m: float) -> Street:
+    """Three parked cars close to each other, seen from `x_m` ahead of the start."""
+    street = Street()
+    for name, at_m, rgb in (("white", 14, WHITE), ("red", 20, RED), ("blue", 26, BLUE)):
+        street.car(name, at_m - x_m, -5, rgb)
+    return street
+
+
+def test_a_place_that_was_agreed_to_stays_where_it_is_in_the_world() -> None:
+    session = begin(no_room(0.0))
+    asked = session.say("park behind the red car")
+    assert "no room there" in asked.question
+    agreed = session.say("yes")
+    for x_m in (1.0, 2.0):
+        street = no_room(x_m)
+        later = session.update(street.bev(), street.boxes(), pose(x_m))
+        assert later is not None
+        assert later.status == "ok", later.text()
+        assert agreed.target is not None
+        assert later.target is not None
+        assert later.target.world_m == pytest.approx(agreed.target.world_m, abs=0.7)
+
+
+def test_a_place_that_was_agreed_to_can_be_moved_and_keeps_that_while_driving() -> None:
+    session = begin(Street().car("white", 14, -5, WHITE).car("red", 20, -5, RED))
+    assert "no room there" in session.say("park behind the red car").question
+    agreed, moved = session.say("yes"), session.say("a metre further")
+    assert agreed.target is not None
+    assert moved.target is not None
+    assert moved.target.world_m[0] - agreed.target.world_m[0] == pytest.approx(1.0, abs=0.45), moved.text()
+    street = Street().car("white", 13, -5, WHITE).car("red", 19, -5, RED)
+    later = session.update(street.bev(), street.boxes(), pose(1.0))
+    assert later is not None
+    assert later.target is not None, later.text()
+    assert later.target.world_m == pytest.approx(moved.target.world_m, abs=0.7), "not moved twice"
