@@ -40,7 +40,9 @@ def parse_yaml(text: str) -> Any:
         return yaml.load(text, _Loader)
     # For an invalid date or a number of thousands of digits, PyYAML raises a plain ValueError.
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise ValueError(" ".join(str(error).split())[:_MESSAGE_CHARACTERS]) from error
+        # PyYAML names a text that came from no file.
+        text = str(error).replace('in "<unicode string>", ', "in ")
+        raise ValueError(" ".join(text.split())[:_MESSAGE_CHARACTERS]) from error
 
 
 def plain_yaml(text: str) -> str:

@@ -166,7 +166,7 @@ def test_pictures_of_another_size_are_told_once_for_all_frames(tmp_path: Path) -
     told: list[str] = []
     for each in folder_inputs(tmp_path, RIG, told.append):
         assert each.read().frame.images["CAM_LEFT"].shape == (8, 16, 3)
-    assert told == ["CAM_LEFT: expected 16x8 pixels, as its rig says, got 32x16; pictures are scaled"]
+    assert told == ["CAM_LEFT: expected 16x8 pixels, as size_px of its rig says, got 32x16; pictures are scaled"]
 
 
 def test_folders_that_do_not_fit(tmp_path: Path) -> None:
@@ -175,7 +175,7 @@ def test_folders_that_do_not_fit(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"expected images named by the cameras of the rig \(CAM_FRONT.jpg"):
         folder_inputs(tmp_path, RIG)
     write_image(tmp_path / "CAM_FRONT.png", GREY[:4])
-    with pytest.raises(DataError, match="expected 16x8 pixels, as its rig says, got 16x4"):
+    with pytest.raises(DataError, match="expected 16x8 pixels, as size_px of its rig says, got 16x4"):
         folder_inputs(tmp_path, RIG)[0].read()
     write_image(tmp_path / "CAM_FRONT.jpg", GREY)
     with pytest.raises(DataError, match="expected one image of CAM_FRONT"):

@@ -133,11 +133,23 @@ def test_matrices_of_opencv(tmp_path: Path) -> None:
     path = tmp_path / "left.yml"
     k = np.array([[-0.28, 0.07, 0.0002, 2e-05]])
     write_opencv(path, image_width=752, image_height=480, camera_matrix=K, distortion_coefficients=k.T)
-    assert same(read_one(tmp_path, "calibration: left.yml", AHEAD).cameras[0].lens, RADTAN)
+    pinhole = "calibration: {file: left.yml, model: pinhole}"
+    assert same(read_one(tmp_path, pinhole, AHEAD).cameras[0].lens, RADTAN)
+    # Four numbers are of a plumb bob or of a fisheye.
+    with pytest.raises(
+        DataError, match=r"expected model: pinhole or model: fisheye, such as calibration: {file: left"
+    ):
+        read_one(tmp_path, "calibration: left.yml", AHEAD)
     write_opencv(path, cameraMatrix=K, distCoeffs=np.pad(k, ((0, 0), (0, 10))))
     assert same(read_one(tmp_path, "size_px: [752, 480]", "calibration: left.yml", AHEAD).cameras[0].lens, RADTAN)
-    with pytest.raises(DataError, match="size_px: expected width and height of a picture"):
+    with pytest.raises(
+        DataError, match="size_px: expected the width and height of the picture, which the file lacks"
+    ):
         read_one(tmp_path, "calibration: left.yml", AHEAD)
+    write_opencv(path, image_size=np.array([[752, 480]]), M=K, D=np.pad(k, ((0, 0), (0, 1))))
+    (camera,) = read_one(tmp_path, "calibration: left.yml", AHEAD).cameras
+    assert (camera.width_px, camera.height_px) == (752, 480)
+    assert same(camera.lens, RADTAN)
     write_opencv(path, K=K, D=np.array([[0.1, 0.02, 0.0, 0.0]]))
     keys = ("size_px: [752, 480]", "calibration: {file: left.yml, model: fisheye}", AHEAD)
     assert same(read_one(tmp_path, *keys).cameras[0].lens, kannala_brandt(K, [0.1, 0.02, 0, 0]))
@@ -177,7 +189,7 @@ def test_a_camera_of_woodscape_has_its_pose(tmp_path: Path) -> None:
     [
         ("", "expected Kalibr's camchain, OpenCV's FileStorage"),
         ("{a: [1, 2}", "got no valid YAML"),
-        ("cameras: {}", "got something else"),
+        ("{M1: [1], D1: [0]}", "got something else with the keys M1, D1"),
         (ROS.replace("plumb_bob", "double_sphere"), "distortion_model: expected plumb_bob, .*, got 'double_sphere'"),
         (ROS.replace("0.0, 0.0, 1.0]", "0.0]"), "camera_matrix: expected 3x3 numbers, got 7"),
         (ROS.replace("-0.28", "much"), "distortion_coefficients: expected coefficients, such as"),

@@ -20,7 +20,7 @@ from appocc.yaml_file import parse_yaml, plain_yaml
 
 _KEYS = ("file", "camera", "model", "circle_deg", *kalibr.BASES)
 _EXAMPLE = "front.yaml, or {file: camchain.yaml, camera: cam0}"
-_MOST_BYTES = 500_000
+_MOST_BYTES, _SHOWN = 500_000, 80
 _FORMATS = "Kalibr's camchain, OpenCV's FileStorage, ROS' camera_info, COLMAP's cameras.txt or WoodScape's JSON"
 _READERS: tuple[tuple[Callable[[Any], bool], Callable[[Any, Wanted], dict[str, Any]]], ...] = (
     (kalibr.is_chain, kalibr.camera_keys),
@@ -65,4 +65,5 @@ def _keys_of(path: Path, wanted: Wanted) -> dict[str, Any]:
     for fits, read in _READERS:
         if fits(values):
             return read(values, wanted)
-    raise DataError(f"{path}: expected {_FORMATS}, got something else")
+    keys = f" with the keys {', '.join(map(str, values))[:_SHOWN]}" if isinstance(values, dict) else ""
+    raise DataError(f"{path}: expected {_FORMATS}, got something else{keys}")
