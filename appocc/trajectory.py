@@ -16,7 +16,7 @@ _LONGEST_GAP_US = 2_000_000
 # Way on which a heading is measured, well above the noise of satellite positions.
 _HEADING_WAY_M = 3.0
 # No vehicle moves more than this off its heading; no noise of satellite positions turns half of a way so far.
-_SIDEWAYS_DEG = 45.0
+_SIDEWAYS_DEG = 30.0
 # Satellite positions of a standing vehicle wander as far.
 _WANDER_M = 10.0
 
@@ -98,7 +98,7 @@ class Trajectory:
         """Check that the ego moves along its x axis, forwards or backwards, as vehicles do.
 
         Raises:
-            DataError: if half of its way is more than 45 degrees off.
+            DataError: if half of its way is more than 30 degrees off.
         """
         xy = self.world_from_ego[:, :2, 3]
         kept = _stations(xy)
