@@ -10,7 +10,7 @@ from rig_texts import AHEAD, read_one
 
 from appocc.errors import DataError
 from appocc.geometry import inverse
-from appocc.lenses import DistortedLens, FisheyeLens, Lens, kannala_brandt, polynomial_fisheye
+from appocc.lenses import DistortedLens, FisheyeLens, Lens, kannala_brandt, ocamcalib, polynomial_fisheye
 from appocc.rigs.poses import mounting_rotation
 
 K = np.array([[461.6, 0, 363.0], [0, 460.3, 248.1], [0, 0, 1]])
@@ -71,6 +71,26 @@ WOODSCAPE = """{"extrinsic": {"quaternion": [0.5941767906169857, -0.587884319389
 "intrinsic": {"aspect_ratio": 1.0, "cx_offset": 3.942, "cy_offset": -3.093,
 "height": 966.0, "k1": 339.749, "k2": -31.988, "k3": 48.275, "k4": -7.201, "model": "radial_poly", "poly_order": 4,
 "width": 1280.0}, "name": "FV"}"""
+SCARAMUZZA = """#polynomial coefficients for the DIRECT mapping function (ocam_model.ss in MATLAB)
+
+5 -2.000000e+02 0.000000e+00 1.700000e-03 -1.000000e-06 2.000000e-09
+
+#polynomial coefficients for the inverse mapping function (ocam_model.invpol in MATLAB)
+
+3 300.0 160.0 -10.0
+
+#center: "row" and "column", starting from 0 (C convention)
+
+480.5 641.25
+
+#affine parameters "c", "d", "e"
+
+0.9999 0.0003 -0.0002
+
+#image size: "height" and "width"
+
+960 1280
+"""
 RADTAN = DistortedLens(K, np.array([-0.28, 0.07, 0.0002, 2e-05]))
 
 
@@ -173,6 +193,14 @@ def test_cameras_of_colmap(tmp_path: Path) -> None:
         read_one(tmp_path, "calibration: {file: cameras.txt, camera: 4}", AHEAD)
 
 
+def test_a_camera_of_ocamcalib(tmp_path: Path) -> None:
+    (tmp_path / "calib_results.txt").write_text(SCARAMUZZA)
+    (camera,) = read_one(tmp_path, "calibration: {file: calib_results.txt, circle_deg: 185}", AHEAD).cameras
+    assert (camera.width_px, camera.height_px) == (1280, 960)
+    polynomial, affine = [-200.0, 0.0, 1.7e-3, -1e-6, 2e-9], (0.9999, 0.0003, -0.0002)
+    assert same(camera.lens, ocamcalib(polynomial, [641.25, 480.5], affine, 185))
+
+
 def test_a_camera_of_woodscape_has_its_pose(tmp_path: Path) -> None:
     (tmp_path / "front.json").write_text(WOODSCAPE)
     (camera,) = read_one(tmp_path, "calibration: front.json").cameras
@@ -204,6 +232,12 @@ def test_a_camera_of_woodscape_has_its_pose(tmp_path: Path) -> None:
         ),
         (WOODSCAPE.replace("radial_poly", "scaramuzza"), "intrinsic.model: expected radial_poly"),
         (WOODSCAPE.replace("339.749", "null"), "intrinsic.k1: expected a coefficient"),
+        (
+            SCARAMUZZA.replace("480.5 641.25", "480.5"),
+            r"front.yaml: center: expected row and column, such as 480 640",
+        ),
+        (SCARAMUZZA.replace("5 -2.0", "4 -2.0"), "expected 5 in front of 5 coefficients, got"),
+        (SCARAMUZZA.partition("#image size")[0], "affine, image size, got 4 rows"),
     ],
 )
 def test_what_is_no_calibration_is_told_in_one_line(tmp_path: Path, text: str, reason: str) -> None:
