@@ -46,8 +46,9 @@ def parse_yaml(text: str) -> Any:
 
 
 def plain_yaml(text: str) -> str:
-    """Return OpenCV's YAML without its own first line and its tags, which are no YAML that others read."""
-    return re.sub(r"!!opencv-[\w-]+", "", re.sub(r"\A\s*%YAML[^\n]*\n(---\s*\n)?", "", text))
+    """Return the first document of OpenCV's or ROS' YAML, without OpenCV's own first line and tags."""
+    documents = re.split(r"^---[ \t\r]*$", re.sub(r"\A\s*%YAML[^\n]*\n", "", text), flags=re.MULTILINE)
+    return re.sub(r"!!opencv-[\w-]+", "", next((each for each in documents if each.strip()), ""))
 
 
 class _Loader(yaml.SafeLoader):

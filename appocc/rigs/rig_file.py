@@ -55,12 +55,21 @@ def _camera(listed: Fields, key: Any, folder: Path) -> SourceCamera:
     if not isinstance(key, str | int) or isinstance(key, bool) or not _NAME.fullmatch(name) or name.startswith("."):
         raise DataError(f"{listed.where}: expected a name that its pictures can have, such as front, got {key!r}")
     fields = _with_calibration(listed.inside(key, _CAMERA_KEYS, _EXAMPLE_CAMERA), folder)
-    size = _size_px(fields)
-    channel = _channel(fields, name)
     try:
+        size = _size_px(fields)
+        channel = _channel(fields, name)
         return SourceCamera(name, channel, *size, read_lens(fields, size), read_mounting(fields))
     except ShapeError as error:
         raise DataError(f"{fields.where}: {error}") from error
+    except DataError as error:
+        if "calibration" not in fields:
+            raise
+        raise DataError(f"{error}; its calibration file is {_file_of(fields)}") from error
+
+
+def _file_of(fields: Fields) -> Any:
+    asked = fields["calibration"]
+    return asked.get("file") if isinstance(asked, dict) else asked
 
 
 def _with_calibration(fields: Fields, folder: Path) -> Fields:

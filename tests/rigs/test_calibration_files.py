@@ -142,11 +142,29 @@ def test_camera_info_of_ros(tmp_path: Path, model: str) -> None:
     assert same(camera.lens, RADTAN)
 
 
+def test_messages_of_ros(tmp_path: Path) -> None:
+    # `ros2 topic echo` writes lines between messages.
+    message = "height: 480\nwidth: 752\ndistortion_model: plumb_bob\nd: [-0.28, 0.07, 0.0002, 2e-05, 0]\n"
+    message += f"k: {K.ravel().tolist()}\n---\n"
+    (tmp_path / "left.yaml").write_text(message + message)
+    assert same(read_one(tmp_path, "calibration: left.yaml", AHEAD).cameras[0].lens, RADTAN)
+
+
 def test_a_fisheye_of_ros(tmp_path: Path) -> None:
     four = ROS.replace("plumb_bob", "equidistant").replace("2e-05, 0.0]", "2e-05]")
     (tmp_path / "left.yaml").write_text(four)
     rig = read_one(tmp_path, "calibration: {file: left.yaml, circle_deg: 80}", AHEAD)
     assert same(rig.cameras[0].lens, kannala_brandt(K, [-0.28, 0.07, 0.0002, 2e-05], 80))
+
+
+@pytest.mark.parametrize("ending", ["yml", "xml", "json"])
+def test_formats_of_opencv(tmp_path: Path, ending: str) -> None:
+    k = np.array([[-0.28, 0.07, 0.0002, 2e-05, 0.0]])
+    size = {"image_width": 752, "image_height": 480}
+    write_opencv(tmp_path / f"left.{ending}", **size, camera_matrix=K, distortion_coefficients=k)
+    (camera,) = read_one(tmp_path, f"calibration: left.{ending}", AHEAD).cameras
+    assert (camera.width_px, camera.height_px) == (752, 480)
+    assert same(camera.lens, RADTAN)
 
 
 def test_matrices_of_opencv(tmp_path: Path) -> None:
@@ -191,6 +209,12 @@ def test_cameras_of_colmap(tmp_path: Path) -> None:
     assert found[2].pinhole.intrinsic.tolist() == square.tolist()
     with pytest.raises(DataError, match=r"cameras.txt: camera 4: expected a model of SIMPLE_PINHOLE, PINHOLE"):
         read_one(tmp_path, "calibration: {file: cameras.txt, camera: 4}", AHEAD)
+
+
+def test_a_refused_value_of_a_calibration_file_is_told_with_the_file(tmp_path: Path) -> None:
+    (tmp_path / "left.yaml").write_text(ROS.replace("461.6", "0.6138"))
+    with pytest.raises(DataError, match=r"rig.yaml: cameras.front.intrinsic: expected focal .*file is left.yaml$"):
+        read_one(tmp_path, "calibration: left.yaml", AHEAD)
 
 
 def test_a_camera_of_ocamcalib(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from appocc.rigs.calibration import colmap, kalibr, matrices, scaramuzza, woodsc
 from appocc.rigs.calibration.wanted import Wanted
 from appocc.rigs.fields import Fields
 from appocc.rigs.poses import read_transform
+from appocc.xml_file import parse_xml
 from appocc.yaml_file import parse_yaml, plain_yaml
 
 _KEYS = ("file", "camera", "model", "circle_deg", *kalibr.BASES)
@@ -63,10 +64,13 @@ def _keys_of(path: Path, wanted: Wanted) -> dict[str, Any]:
         return colmap.camera_keys(text, wanted)
     if scaramuzza.is_camera(text):
         return scaramuzza.camera_keys(text, wanted)
-    try:
-        values = parse_yaml(plain_yaml(text))
-    except ValueError as error:
-        raise DataError(f"{path}: expected {_FORMATS}, got no valid YAML ({error})") from error
+    if text.lstrip().startswith("<"):
+        values: Any = matrices.xml_values(parse_xml(path, text))
+    else:
+        try:
+            values = parse_yaml(plain_yaml(text))
+        except ValueError as error:
+            raise DataError(f"{path}: expected {_FORMATS}, got no valid YAML ({error})") from error
     for fits, read in _READERS:
         if fits(values):
             return read(values, wanted)

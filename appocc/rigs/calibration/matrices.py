@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Any
+from xml.etree.ElementTree import Element
 
 from appocc.errors import DataError
 from appocc.rigs.calibration.wanted import Wanted
@@ -21,6 +22,11 @@ _PINHOLE_MODELS = ("plumb_bob", "rational_polynomial", "radtan", "pinhole", "non
 # Coefficients that OpenCV writes for lenses; the further ones, of thin prisms and tilted sensors, must be zero.
 _LENGTHS = (4, 5, 8)
 _ALL_LENGTHS = (4, 5, 8, 14)
+
+
+def xml_values(root: Element) -> dict[str, Any]:
+    """Return the values of OpenCV's FileStorage in XML, numbers as texts, by name."""
+    return {each.tag: (each.findtext("data") or each.text or "").split() for each in root}
 
 
 def is_camera(values: Any) -> bool:
@@ -43,7 +49,7 @@ def camera_keys(values: dict[str, Any], wanted: Wanted) -> dict[str, Any]:
         raise DataError(f"{wanted.path}: {name}: expected 3x3 numbers, got {len(flat)}")
     keys: dict[str, Any] = {"intrinsic": [flat[0:3], flat[3:6], flat[6:9]]}
     if (width := _first(values, _WIDTH)) and (height := _first(values, _HEIGHT)):
-        keys["size_px"] = [values[width], values[height]]
+        keys["size_px"] = [_one(values[width]), _one(values[height])]
     elif (size := _first(values, _SIZE)) and len(_flat(values[size])) == 2:
         keys["size_px"] = _flat(values[size])
     distortion = _distortion_name(values, wanted)
@@ -100,6 +106,11 @@ def _is_fisheye(values: dict[str, Any], count: int, wanted: Wanted) -> bool:
 
 def _first(values: dict[str, Any], names: tuple[str, ...]) -> str | None:
     return next((name for name in names if values.get(name) is not None), None)
+
+
+def _one(value: Any) -> Any:
+    """Return a number, alone or in a list of XML."""
+    return value[0] if isinstance(value, list) and len(value) == 1 else value
 
 
 def _flat(value: Any) -> list[Any]:
