@@ -34,14 +34,34 @@ def read_mounting(fields: Fields) -> FloatArray:
     pose = read_pose(fields)
     key = next(key for key in ("position_m", *MATRIX_KEYS) if key in fields)
     upright = key != "position_m"
-    if odd := _oddity(pose, upright):
+    if fault := mounting_fault(pose, upright):
         others = [(read_pose(other), hint) for hint, other in _other_readings(fields, key)]
         # Of the readings that fit, the most level one: its camera's y axis points down.
-        fits = sorted((float(other[2, 1]), hint) for other, hint in others if not _oddity(other, upright))
-        expected, got = odd
+        fits = sorted((float(other[2, 1]), hint) for other, hint in others if not mounting_fault(other, upright))
+        expected, got = fault
         hint = f"; is it {fits[0][1]}?" if fits else ""
         raise DataError(f"{fields.name(key)}: expected {expected}, such as {_EXAMPLE}, got {got}{hint}")
     return pose
+
+
+def mounting_fault(pose: FloatArray, upright: bool) -> tuple[str, str] | None:
+    """Return what is expected of a mounted camera, and what it is instead; None if it is as expected.
+
+    Args:
+        pose: (4, 4) ego_from_cam.
+        upright: whether its rows must be about level.
+    """
+    x, y, z = pose[:3, 3]
+    up_deg = np.degrees(np.arcsin(np.clip(pose[2, 2], -1, 1)))
+    if not _LEAST_HEIGHT_M <= z <= _MOST_HEIGHT_M or np.hypot(x, y) > _FARTHEST_M:
+        return _EXPECTED, f"one at [{x:.2f}, {y:.2f}, {z:.2f}]"
+    if up_deg > _STEEPEST_DEG:
+        return _EXPECTED, f"one that looks {up_deg:.0f} degrees up"
+    roll_deg = np.degrees(np.arctan2(-pose[2, 0], -pose[2, 1]))
+    # A camera that looks down has no roll.
+    if upright and up_deg > -80 and abs(roll_deg) > _STEEPEST_DEG:
+        return _UPRIGHT, f"one rolled by {roll_deg:.0f} degrees"
+    return None
 
 
 def check_degrees(cameras: Fields) -> None:
@@ -59,21 +79,6 @@ def check_degrees(cameras: Fields) -> None:
 def _written_yaw(camera: Fields) -> float | None:
     parts = next((camera.inside(key) for key in MATRIX_KEYS if isinstance(camera[key], dict)), camera)
     return parts.number("yaw_deg", "an angle in degrees", -360, 360, 90) if "yaw_deg" in parts else None
-
-
-def _oddity(pose: FloatArray, upright: bool) -> tuple[str, str] | None:
-    """Return what is expected of a pose and what it is instead; None if it is as expected."""
-    x, y, z = pose[:3, 3]
-    up_deg = np.degrees(np.arcsin(np.clip(pose[2, 2], -1, 1)))
-    if not _LEAST_HEIGHT_M <= z <= _MOST_HEIGHT_M or np.hypot(x, y) > _FARTHEST_M:
-        return _EXPECTED, f"one at [{x:.2f}, {y:.2f}, {z:.2f}]"
-    if up_deg > _STEEPEST_DEG:
-        return _EXPECTED, f"one that looks {up_deg:.0f} degrees up"
-    roll_deg = np.degrees(np.arctan2(-pose[2, 0], -pose[2, 1]))
-    # A camera that looks down has no roll.
-    if upright and up_deg > -80 and abs(roll_deg) > _STEEPEST_DEG:
-        return _UPRIGHT, f"one rolled by {roll_deg:.0f} degrees"
-    return None
 
 
 def _other_readings(fields: Fields, key: str) -> Iterator[tuple[str, Fields]]:
