@@ -121,8 +121,8 @@ def fit_mounting(name: str, lens: Lens, points: MarkedPoints) -> Mounting:
     ego_from_cam = np.eye(4) if fitted is None else inverse(_pose(fitted.x))
     if fitted is None or ego_from_cam[2, 3] <= 0:
         raise DataError(
-            f"{name}: no pose above the ground fits the points; are u, v and x, y of the same points, x ahead and y to "
-            "the left?"
+            f"{name}: no pose above the ground fits the points; are u, v and x, y of the same points, x ahead and y "
+            "to the left?"
         )
     if fault := mounting_fault(ego_from_cam, upright=False):
         raise DataError(f"{name}: expected {fault[0]}, got {fault[1]} from the points; are x and y in metres?")
