@@ -115,8 +115,10 @@ def check_transform(name: str, matrix: NDArray[np.generic]) -> None:
     x, y, z = (row[:3] for row in turn)
     pairs = (x, x, 1), (y, y, 1), (z, z, 1), (x, y, 0), (x, z, 0), (y, z, 0)
     off = max([abs(_dot(p, q) - product) for p, q, product in pairs])
-    if off > 1e-3 or _dot(_cross(x, y), z) < 0:
+    if off > 1e-3:
         raise ShapeError(f"{name}: expected a rotation matrix in the upper left, got one off by {off:.2g}")
+    if _dot(_cross(x, y), z) < 0:
+        raise ShapeError(f"{name}: expected a rotation matrix in the upper left, got a mirror: one axis is reversed")
     if any(abs(got - want) > 1e-5 for got, want in zip(last, (0, 0, 0, 1), strict=True)):
         raise ShapeError(f"{name}: expected last row [0, 0, 0, 1], got {last}")
     if max(abs(row[3]) for row in turn) > FARTHEST_M:

@@ -15,6 +15,10 @@ from appocc.geometry import interpolate_pose, inverse, transform
 _LONGEST_GAP_US = 2_000_000
 # Way on which a heading is measured, well above the noise of satellite positions.
 _HEADING_WAY_M = 3.0
+# No vehicle moves more than this off its heading; no noise of satellite positions turns half of a way so far.
+_SIDEWAYS_DEG = 30.0
+# Satellite positions of a standing vehicle wander as far.
+_WANDER_M = 10.0
 
 
 class Motion(Protocol):
@@ -87,7 +91,27 @@ class Trajectory:
             tilt = np.degrees(np.arccos(np.clip(up[row], -1, 1)))
             raise DataError(
                 f"{where}: expected poses of the ego frame (z up), got one that is tilted by {tilt:.0f} degrees "
-                f"(pose {row}); are they those of a camera (--poses-of CAMERA)?"
+                f"(pose {row}); are they those of a camera (--poses-of CAMERA), or quaternions in another order?"
+            )
+
+    def check_ahead(self, where: str) -> None:
+        """Check that the ego moves along its x axis, forwards or backwards, as vehicles do.
+
+        Raises:
+            DataError: if half of its way is more than 30 degrees off.
+        """
+        xy = self.world_from_ego[:, :2, 3]
+        kept = _stations(xy)
+        steps, middles = np.diff(xy[kept], axis=0), (np.array(kept[:-1]) + np.array(kept[1:])) // 2
+        ahead = self.world_from_ego[middles, :2, 0]
+        across = ahead[:, 0] * steps[:, 1] - ahead[:, 1] * steps[:, 0]
+        off_deg = np.degrees(np.arctan2(np.abs(across), np.abs((ahead * steps).sum(axis=1))))
+        far_m = np.hypot(*(xy - xy[0]).T).max()
+        if far_m > _WANDER_M and np.median(off_deg) > _SIDEWAYS_DEG:
+            raise DataError(
+                f"{where}: expected headings along the way, counter-clockwise from x (yaw_deg in degrees, yaw_rad in "
+                f"radians), got ones that are {np.median(off_deg):.0f} degrees off it; without headings, the way "
+                "gives them"
             )
 
 
@@ -99,13 +123,19 @@ def headings_of_way(xy_m: FloatArray, where: str) -> FloatArray:
     Raises:
         DataError: if the whole way is too short.
     """
-    kept = [0]
-    for i, place in enumerate(xy_m):
-        if np.hypot(*(place - xy_m[kept[-1]])) >= _HEADING_WAY_M:
-            kept.append(i)
+    kept = _stations(xy_m)
     if len(kept) < 2:
         raise DataError(f"{where}: no headings, and the way is too short for them: expected {_HEADING_WAY_M:g} m")
     steps = np.diff(xy_m[kept], axis=0)
     yaws = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
     middles = (np.array(kept[:-1]) + np.array(kept[1:])) / 2
     return np.interp(np.arange(len(xy_m)), middles, yaws)
+
+
+def _stations(xy_m: FloatArray) -> list[int]:
+    """Return the indices of places (N, 2) in order of time between which a heading can be measured."""
+    kept = [0]
+    for i, place in enumerate(xy_m):
+        if np.hypot(*(place - xy_m[kept[-1]])) >= _HEADING_WAY_M:
+            kept.append(i)
+    return kept

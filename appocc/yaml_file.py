@@ -40,12 +40,15 @@ def parse_yaml(text: str) -> Any:
         return yaml.load(text, _Loader)
     # For an invalid date or a number of thousands of digits, PyYAML raises a plain ValueError.
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise ValueError(" ".join(str(error).split())[:_MESSAGE_CHARACTERS]) from error
+        # PyYAML names a text that came from no file.
+        text = str(error).replace('in "<unicode string>", ', "in ")
+        raise ValueError(" ".join(text.split())[:_MESSAGE_CHARACTERS]) from error
 
 
 def plain_yaml(text: str) -> str:
-    """Return OpenCV's YAML without its own first line and its tags, which are no YAML that others read."""
-    return re.sub(r"!!opencv-[\w-]+", "", re.sub(r"\A\s*%YAML[^\n]*\n(---\s*\n)?", "", text))
+    """Return the first document of OpenCV's or ROS' YAML, without OpenCV's own first line and tags."""
+    documents = re.split(r"^---[ \t\r]*$", re.sub(r"\A\s*%YAML[^\n]*\n", "", text), flags=re.MULTILINE)
+    return re.sub(r"!!opencv-[\w-]+", "", next((each for each in documents if each.strip()), ""))
 
 
 class _Loader(yaml.SafeLoader):

@@ -109,7 +109,11 @@ def folder_inputs(
         found = [folder]
     if not found:
         wanted = ", ".join(f"{name}.jpg" for name in rig.names[:3])
-        raise DataError(f"{folder}: expected images named by the cameras of the rig ({wanted}, ...), got none")
+        hint = "convert videos, and folders of a camera each, with: appocc convert images"
+        if any((path / "sample_data.json").is_file() for path in folders):
+            hint = "a dataset has its own rig: leave out --rig"
+        expected = f"images named by the cameras of the rig ({wanted}, ...), here or in a folder for each frame"
+        raise DataError(f"{folder}: expected {expected}, got none; {hint}")
     names = [path.resolve().name for path in found]
     once = lru_cache(maxsize=None)(tell)
     return [

@@ -87,17 +87,20 @@ def ego_trajectory(path: Path, streams: Sequence[Stream], rig: SourceRig, camera
         camera: name of the camera whose poses they are; None: the ego frame's.
 
     Raises:
-        DataError: if the file is damaged, or the poses are not upright.
+        DataError: if the file is damaged, or the poses are not those of an upright vehicle that drives ahead.
         NotFoundError: if there is no such camera.
     """
     own = next((each for each in streams if camera in each.cameras), streams[0])
     found = read_trajectory(path, own.clock)
     if camera is None:
         found.check_upright(str(path))
+        found.check_ahead(str(path))
         return found
     for each in rig.cameras:
         if each.name == camera:
-            return found.of_ego(each.ego_from_cam)
+            ego = found.of_ego(each.ego_from_cam)
+            ego.check_ahead(f"{path} of {camera}")
+            return ego
     raise NotFoundError(f"--poses-of: the rig has no camera '{camera}'; it has {', '.join(rig.names)}")
 
 
@@ -259,7 +262,7 @@ class _SceneWriter:
         try:
             scaled = self._rig.scaling(picture.camera, image.shape[1], image.shape[0])
         except DataError as error:
-            raise DataError(f"{picture.path or picture.camera}: {error}") from error
+            raise DataError(f"{picture.path}: {error}" if picture.path else str(error)) from error
         if scaled and scaled not in self.summary.notes:
             self.summary.notes.append(scaled)
         views = self._rig.rectify({picture.camera: image})

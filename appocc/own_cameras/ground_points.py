@@ -16,6 +16,7 @@ from appocc.errors import DataError
 from appocc.files import read_text
 from appocc.geometry import apply, inverse, transform
 from appocc.lenses import Lens
+from appocc.rigs.mounting import mounting_fault
 
 _FEWEST = 4
 _COLUMNS = ("camera", "u", "v", "x", "y")
@@ -119,7 +120,12 @@ def fit_mounting(name: str, lens: Lens, points: MarkedPoints) -> Mounting:
     fitted = least_squares(errors, start, loss="soft_l1", x_scale="jac") if usable else None
     ego_from_cam = np.eye(4) if fitted is None else inverse(_pose(fitted.x))
     if fitted is None or ego_from_cam[2, 3] <= 0:
-        raise DataError(f"{name}: no pose above the ground fits the points; are u, v and x, y of the same points?")
+        raise DataError(
+            f"{name}: no pose above the ground fits the points; are u, v and x, y of the same points, x ahead and y "
+            "to the left?"
+        )
+    if fault := mounting_fault(ego_from_cam, upright=False):
+        raise DataError(f"{name}: expected {fault[0]}, got {fault[1]} from the points; are x and y in metres?")
     distance = np.linalg.norm(errors(fitted.x).reshape(-1, 2), axis=1)
     worst = int(distance.argmax())
     error_px = float(np.sqrt((distance**2).mean()))

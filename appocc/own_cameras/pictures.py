@@ -23,6 +23,8 @@ from appocc.typing import PathLike
 IMAGES = (".jpg", ".jpeg", ".png")
 VIDEOS = (".mp4", ".webm", ".avi", ".mkv", ".mov")
 _FALLBACK_FPS = 30.0
+# Files that a message names.
+_SHOWN = 6
 
 
 class Picture(NamedTuple):
@@ -250,7 +252,8 @@ def _find_stream(source: Path, camera: str, clock: Clock) -> Stream:
     paths = camera_images(source, camera)
     if not paths and folder == source:
         expected = f"{camera}/, TIME/{camera}.jpg, {camera}_TIME.jpg or {camera}.mp4"
-        raise DataError(f"{source}: no pictures of {camera}: expected {expected}, as its rig names it")
+        there = ", ".join(sorted(path.name for path in source.iterdir())[:_SHOWN]) or "nothing"
+        raise DataError(f"{source}: no pictures of {camera}: expected {expected}, as its rig names it, got {there}")
     return _image_files(folder, camera, paths, clock, times)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from appocc.errors import DataError
 
 # Times since 1970, from 1973 to 5138, in each unit.
 _UNITS = ((10**17, 10**20, Decimal("0.001")), (10**14, 10**17, Decimal(1)), (10**11, 10**14, Decimal(1000)))
+_WRITTEN = "in seconds or of ISO 8601, such as 1700000000.25 or 2023-11-14T22:13:20.25Z"
 _SECONDS = (10**8, 10**11)
 _NUMBER = re.compile(r"(?<!\d)(\d{1,19}(?:\.\d{1,12})?)$")
 
@@ -24,7 +26,7 @@ def microseconds(number: str) -> int | None:
         ValueError: if the text is no number.
     """
     if not re.fullmatch(r"[-+]?\d{1,20}(\.\d*)?([eE][-+]?\d{1,2})?", number):
-        raise ValueError(f"expected a time, got '{number}'")
+        raise ValueError(f"expected a time {_WRITTEN}, got '{number}'")
     value = Decimal(number)
     whole = "." not in number and "e" not in number.lower()
     for least, end, factor in _UNITS:
@@ -36,13 +38,24 @@ def microseconds(number: str) -> int | None:
 
 
 def seconds_to_us(number: str) -> int:
-    """Return a time of a table in microseconds; small whole numbers are seconds.
+    """Return a time of a table in microseconds; small whole numbers are seconds. Dates without a zone are UTC.
 
     Raises:
-        ValueError: if the text is no number.
+        ValueError: if the text is neither a number nor a date and time of ISO 8601.
     """
+    if ":" in number:
+        return _date_to_us(number)
     time_us = microseconds(number)
     return int(number) * 1_000_000 if time_us is None else time_us
+
+
+def _date_to_us(text: str) -> int:
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError as error:
+        raise ValueError(f"expected a time {_WRITTEN}, got '{text}'") from error
+    moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+    return (moment - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1)
 
 
 def time_in_name(path: Path, fps: float | None, start_us: int = 0) -> int:

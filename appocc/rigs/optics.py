@@ -23,7 +23,11 @@ _ONE_FOCAL = "fov_deg: 70, or focal_px: [1000, 1000] with centre_px: [959.5, 539
 _FISHEYE = "fisheye: {model: kannala_brandt, coefficients: [0.05, -0.01, 0.003, -0.001]}"
 # Numbers of coefficients of a polynomial.
 _POLYNOMIAL = range(1, 17)
-_WIDEST_PINHOLE_DEG, _WIDEST_FISHEYE_DEG = 175.0, 280.0
+# Radians, millimetres and shares of the width are below.
+_NARROWEST_DEG, _WIDEST_PINHOLE_DEG, _WIDEST_FISHEYE_DEG = 5.0, 175.0, 280.0
+_FOCAL_PER_WIDTH = (0.02, 12.0)
+# Share of the middle row and column of its picture that a distorting lens must see.
+_LEAST_SEEN = 0.6
 
 
 def read_lens(fields: Fields, size_px: tuple[int, int]) -> Lens:
@@ -56,7 +60,20 @@ def _distorted(fields: Fields, size_px: tuple[int, int]) -> DistortedLens:
     def reach(half_rad: float) -> float:
         return float(unit.project(np.array([[np.tan(half_rad), 0.0, 1.0]]))[0, 0])
 
-    return DistortedLens(_intrinsic(fields, size_px, reach, _WIDEST_PINHOLE_DEG), k)
+    lens = DistortedLens(_intrinsic(fields, size_px, reach, _WIDEST_PINHOLE_DEG), k)
+    if k.any() and (seen := _seen_share(lens, size_px)) < _LEAST_SEEN:
+        expected = "k1, k2, p1, p2, ... of OpenCV, with which the lens sees its whole picture"
+        got = f"a lens that folds it: {1 - seen:.0%} of a middle row or column is not seen"
+        raise DataError(f"{fields.name('distortion')}: expected {expected}, such as [-0.3, 0.1, 0, 0], got {got}")
+    return lens
+
+
+def _seen_share(lens: Lens, size_px: tuple[int, int]) -> float:
+    """Return the share of the middle row or column, whichever is less, that a lens sees."""
+    across, down = (np.arange(n, dtype=np.float64) for n in size_px)
+    row = np.stack([across, np.full_like(across, size_px[1] / 2)], axis=1)
+    column = np.stack([np.full_like(down, size_px[0] / 2), down], axis=1)
+    return min(float(np.isfinite(lens.unproject(pixels)[:, 2]).mean()) for pixels in (row, column))
 
 
 def _fisheye(fields: Fields, size_px: tuple[int, int]) -> FisheyeLens:
@@ -117,6 +134,7 @@ def _intrinsic(
             check_intrinsic(key, intrinsic)
         except ShapeError as error:
             raise DataError(f"{fields.name(key)}{str(error).removeprefix(key)}, such as {_MATRIX}") from error
+        _check_pixels(fields, key, intrinsic, size_px)
         return intrinsic
     if key == "focal_px":
         if not isinstance(fields[key], list):
@@ -126,13 +144,34 @@ def _intrinsic(
             raise fields.refusal(key, "focal lengths above 0", "[1000, 1000]")
         fx, fy = focal[0], focal[-1]
     else:
-        wide_deg = fields.number(key, "the horizontal field of view in degrees,", 1, most_deg, 70)
+        wide_deg = fields.number(key, "the horizontal field of view in degrees,", _NARROWEST_DEG, most_deg, 70)
         slope = reach(np.radians(wide_deg) / 2)
         if not slope > 0:
             raise fields.refusal(key, "a field of view that the lens reaches before its distortion folds the picture")
         fx = fy = size_px[0] / 2 / slope
     across, down = _centre(fields, size_px)
-    return np.array([[fx, 0.0, across], [0.0, fy, down], [0.0, 0.0, 1.0]])
+    intrinsic = np.array([[fx, 0.0, across], [0.0, fy, down], [0.0, 0.0, 1.0]])
+    _check_pixels(fields, key, intrinsic, size_px)
+    return intrinsic
+
+
+def _check_pixels(fields: Fields, key: str, intrinsic: FloatArray, size_px: tuple[int, int]) -> None:
+    """Check that intrinsics are in pixels of the picture.
+
+    Raises:
+        DataError: if they are not.
+    """
+    least, most = (share * size_px[0] for share in _FOCAL_PER_WIDTH)
+    focal, centre = intrinsic[[0, 1], [0, 1]], intrinsic[:2, 2]
+    if not ((focal >= least) & (focal <= most)).all():
+        expected = f"focal lengths in pixels, {least:.0f} to {most:.0f} for a picture {size_px[0]} wide"
+        got = f"{focal[0]:g} and {focal[1]:g}"
+        raise DataError(f"{fields.name(key)}: expected {expected}, such as {_MATRIX}, got {got}")
+    # Pictures that were cut out of larger ones may lie beside their axis.
+    if (np.abs(centre / size_px - 0.5) > 1.5).any():
+        expected = f"a principal point in pixels of a picture of {size_px[0]}x{size_px[1]}"
+        got = f"{centre[0]:g}, {centre[1]:g}"
+        raise DataError(f"{fields.name(key)}: expected {expected}, such as {_MATRIX}, got {got}")
 
 
 def _centre(fields: Fields, size_px: tuple[int, int]) -> tuple[float, float]:

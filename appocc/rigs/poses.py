@@ -14,6 +14,7 @@ POSITION_KEYS = ("position_m", "yaw_deg", "pitch_deg", "roll_deg")
 MATRIX_KEYS = ("ego_from_cam", "cam_from_ego")
 POSE_KEYS = (*POSITION_KEYS, *MATRIX_KEYS, "axes")
 _ROTATION_KEYS = ("quaternion_wxyz", "quaternion_xyzw", "rodrigues", "yaw_deg")
+_TURN_RAD = 2 * np.pi + 1e-3
 # Rotation from the optical axes (right, down, ahead) to the body axes (ahead, left, up).
 BODY_FROM_OPTICAL = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
 _TRANSLATION = "[1.7, 0.0, 1.5]"
@@ -104,6 +105,8 @@ def _rotation(parts: Fields) -> FloatArray:
         return _body_rotation(*_angles(parts))
     if key == "rodrigues":
         turn = parts.numbers(key, [3], "a rotation vector in radians", "[-1.2, 1.2, -1.2]")
+        if np.linalg.norm(turn) > _TURN_RAD:
+            raise parts.refusal(key, "a rotation vector in radians, at most one turn long", "[-1.2, 1.2, -1.2]")
         return np.asarray(Rotation.from_rotvec(turn).as_matrix())
     numbers = parts.numbers(key, [4], "a unit quaternion", "[0.5, -0.5, 0.5, -0.5]")
     if abs(np.linalg.norm(numbers) - 1) > 1e-2:

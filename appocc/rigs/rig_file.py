@@ -13,8 +13,9 @@ from appocc.errors import DataError, ShapeError
 from appocc.rigs.calibration import read_calibration
 from appocc.rigs.cutting import cut_rig
 from appocc.rigs.fields import Fields
+from appocc.rigs.mounting import check_degrees, read_mounting
 from appocc.rigs.optics import OPTICS_KEYS, read_lens
-from appocc.rigs.poses import MATRIX_KEYS, POSE_KEYS, read_pose
+from appocc.rigs.poses import MATRIX_KEYS, POSE_KEYS
 from appocc.rigs.source_camera import SourceCamera
 from appocc.rigs.source_rig import SourceRig
 
@@ -41,6 +42,7 @@ def read_rig_file(path: Path, values: Any) -> SourceRig:
         raise top.refusal("cameras", "the cameras by name", _EXAMPLE)
     listed = top.inside("cameras", (), _EXAMPLE.removeprefix("cameras: "))
     cameras = tuple(_camera(listed, name, path.parent) for name in listed.keys)
+    check_degrees(listed)
     _check_channels(top, cameras)
     try:
         return cut_rig(cameras, _ego_vehicle(top))
@@ -53,12 +55,21 @@ def _camera(listed: Fields, key: Any, folder: Path) -> SourceCamera:
     if not isinstance(key, str | int) or isinstance(key, bool) or not _NAME.fullmatch(name) or name.startswith("."):
         raise DataError(f"{listed.where}: expected a name that its pictures can have, such as front, got {key!r}")
     fields = _with_calibration(listed.inside(key, _CAMERA_KEYS, _EXAMPLE_CAMERA), folder)
-    size = _size_px(fields)
-    channel = _channel(fields, name)
     try:
-        return SourceCamera(name, channel, *size, read_lens(fields, size), read_pose(fields))
+        size = _size_px(fields)
+        channel = _channel(fields, name)
+        return SourceCamera(name, channel, *size, read_lens(fields, size), read_mounting(fields))
     except ShapeError as error:
         raise DataError(f"{fields.where}: {error}") from error
+    except DataError as error:
+        if "calibration" not in fields:
+            raise
+        raise DataError(f"{error}; its calibration file is {_file_of(fields)}") from error
+
+
+def _file_of(fields: Fields) -> Any:
+    asked = fields["calibration"]
+    return asked.get("file") if isinstance(asked, dict) else asked
 
 
 def _with_calibration(fields: Fields, folder: Path) -> Fields:
@@ -69,6 +80,8 @@ def _with_calibration(fields: Fields, folder: Path) -> Fields:
     for key in fields.keys:
         if key in OPTICS_KEYS or (key == "size_px" and key in found):
             raise fields.refusal(key, "nothing, as the calibration file has it")
+    if "size_px" not in fields and "size_px" not in found:
+        raise fields.refusal("size_px", "the width and height of the picture, which the file lacks", "[1920, 1080]")
     # A pose in the rig file is meant, whatever the calibration file has.
     if any(key in fields for key in ("position_m", *MATRIX_KEYS)):
         found.pop("ego_from_cam", None)

@@ -128,7 +128,7 @@ class SourceRig:
         width, height = self._size(name)
         if (width_px, height_px) == (width, height):
             return None
-        sizes = f"{name}: expected {width}x{height} pixels, as its rig says, got {width_px}x{height_px}"
+        sizes = f"{name}: expected {width}x{height} pixels, as size_px of its rig says, got {width_px}x{height_px}"
         if abs(width_px * height - height_px * width) > _ASPECT_PX * max(width, height):
             raise DataError(f"{sizes}, which has another aspect")
         return f"{sizes}; pictures are scaled"

@@ -49,7 +49,10 @@ def images(
         typer.Option(min=0.01, max=1000, help="Rate, for names that count frames, and videos of a known rate."),
     ] = None,
     start: Annotated[
-        str | None, typer.Option(help="Time of frame 0 of these names and videos, as in the poses. Default: 0.")
+        str | None,
+        typer.Option(
+            help="Time of frame 0 of these names and videos, in seconds or as a date and time (UTC). Default: 0."
+        ),
     ] = None,
     hz: Annotated[float, typer.Option(min=0.05, max=100, help="Key frames per second.")] = 2.0,
     tolerance_ms: Annotated[

@@ -47,7 +47,7 @@ def test_a_wide_lens_with_pictures_of_another_size(tmp_path: Path) -> None:
     result = run(tmp_path, "--rig", tmp_path / "rig.yaml", "--out", tmp_path / "rig.png")
     assert result.exit_code == 0, result.stderr
     lines = result.stderr.splitlines()
-    assert lines[0] == "nose: expected 320x240 pixels, as its rig says, got 640x480; pictures are scaled"
+    assert lines[0] == "nose: expected 320x240 pixels, as size_px of its rig says, got 640x480; pictures are scaled"
     assert [line.partition(":")[0] for line in lines[1:3]] == ["CAM_NOSE_1", "CAM_NOSE_2"]
     assert read_image(tmp_path / "rig.png").shape[0] == 320
 

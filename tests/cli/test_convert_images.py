@@ -116,7 +116,7 @@ def test_a_damaged_video_is_one_line_also_of_the_video_library(drive: Path) -> N
         ("drive out --rig rig.yaml --fps 2 --poses poses.txt --start 1700000000", "do not cover the pictures"),
         ("drive out --rig rig.yaml --mosaic 2by3", "expected ROWSxCOLUMNS, such as 2x3, got '2by3'"),
         ("rig.yaml out --rig rig.yaml --mosaic 1x2", "rig.yaml: cannot be opened as a video"),
-        ("drive out --rig rig.yaml --fps 2 --start noon", "--start: expected a time, got 'noon'"),
+        ("drive out --rig rig.yaml --fps 2 --start noon", "--start: expected a time in seconds or of ISO 8601"),
         ("drive drive --rig rig.yaml --fps 2", "drive: exists already; name a new folder"),
         ("drive out --rig rig.yaml --fps 2 --scene a/b", "expected a name for a file, got 'a/b'"),
     ],

@@ -58,6 +58,25 @@ def test_poses_of_a_camera_are_not_taken_for_the_egos() -> None:
         Trajectory(ego.times_us, ego.world_from_ego @ EGO_FROM_CAM).check_upright("poses.txt")
 
 
+@pytest.mark.parametrize("reverse", [False, True])
+def test_headings_lie_along_the_way(reverse: bool) -> None:
+    seconds = np.arange(0.0, 3.0, 0.1)
+    found = trajectory(*(seconds[::-1] if reverse else seconds))
+    found.check_ahead("log.csv")
+    # The pose is turned, not the way: degrees taken for radians, or swapped axes.
+    turned = found.world_from_ego @ transform(quaternion_from_yaw(1.4), [0, 0, 0])
+    with pytest.raises(
+        DataError, match=r"log.csv: expected headings along the way, .*, got ones that are \d\d degrees"
+    ):
+        Trajectory(found.times_us, turned).check_ahead("log.csv")
+
+
+def test_a_standing_vehicle_has_any_heading() -> None:
+    places = np.random.default_rng(0).normal(0, 2, (200, 2))
+    poses = np.stack([transform(quaternion_from_yaw(0.0), [0.0, y, 0.0]) for _, y in places])
+    Trajectory(np.arange(200) * 100_000, poses).check_ahead("log.csv")
+
+
 def test_straight_ahead() -> None:
     np.testing.assert_allclose(Straight(5.0, START_US).at(START_US + 500_000)[:3, 3], [2.5, 0, 0])
     np.testing.assert_array_equal(Straight(0.0, START_US).at(START_US + 500_000), np.eye(4))

@@ -10,7 +10,7 @@ from tiny_dataset import HEIGHT_PX, WIDTH_PX, TinyDataset, token
 from appocc.camera import Camera, CameraRig
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
-from appocc.files import write_image
+from appocc.files import write_image, write_json
 from appocc.geometry import apply, inverse
 from appocc.inference.inputs import dataset_inputs, folder_inputs
 from appocc.nuscenes import Dataset
@@ -140,7 +140,7 @@ def test_pictures_of_a_wide_lens_are_found_by_its_name_and_cut(tmp_path: Path) -
     assert frame.rig == rig.rig
     (tmp_path / "nose.png").unlink()
     write_image(tmp_path / "CAM_NOSE_1.png", GREY)
-    with pytest.raises(DataError, match=r"named by the cameras of the rig \(nose.jpg, ...\), got none"):
+    with pytest.raises(DataError, match=r"named by the cameras of the rig \(nose.jpg, ...\), .* got none"):
         folder_inputs(tmp_path, rig)
 
 
@@ -166,16 +166,19 @@ def test_pictures_of_another_size_are_told_once_for_all_frames(tmp_path: Path) -
     told: list[str] = []
     for each in folder_inputs(tmp_path, RIG, told.append):
         assert each.read().frame.images["CAM_LEFT"].shape == (8, 16, 3)
-    assert told == ["CAM_LEFT: expected 16x8 pixels, as its rig says, got 32x16; pictures are scaled"]
+    assert told == ["CAM_LEFT: expected 16x8 pixels, as size_px of its rig says, got 32x16; pictures are scaled"]
 
 
 def test_folders_that_do_not_fit(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="no such folder"):
         folder_inputs(tmp_path / "none", RIG)
-    with pytest.raises(DataError, match=r"expected images named by the cameras of the rig \(CAM_FRONT.jpg"):
+    with pytest.raises(DataError, match=r"named by the cameras of the rig \(CAM_FRONT.jpg.* appocc convert"):
         folder_inputs(tmp_path, RIG)
+    write_json(tmp_path / "data" / "v1.0-mini" / "sample_data.json", [])
+    with pytest.raises(DataError, match="a dataset has its own rig: leave out --rig"):
+        folder_inputs(tmp_path / "data", RIG)
     write_image(tmp_path / "CAM_FRONT.png", GREY[:4])
-    with pytest.raises(DataError, match="expected 16x8 pixels, as its rig says, got 16x4"):
+    with pytest.raises(DataError, match="expected 16x8 pixels, as size_px of its rig says, got 16x4"):
         folder_inputs(tmp_path, RIG)[0].read()
     write_image(tmp_path / "CAM_FRONT.jpg", GREY)
     with pytest.raises(DataError, match="expected one image of CAM_FRONT"):

@@ -26,6 +26,7 @@ cameras:
   CAM_FRONT: {size_px: [48, 32], fov_deg: 90, position_m: [1.7, 0, 1.5], yaw_deg: 0}
   CAM_BACK: {size_px: [48, 32], fov_deg: 90, position_m: [0, 0, 1.5], yaw_deg: 180}
 """
+EGO = np.eye(4)
 
 
 def picture(camera: str, number: int) -> ByteArray:
@@ -35,7 +36,9 @@ def picture(camera: str, number: int) -> ByteArray:
 
 
 def pose(seconds: float) -> FloatArray:
-    return transform(quaternion_from_yaw(0.5 + 0.1 * seconds), [5 * seconds, 7.0, 0.0])
+    """5 m/s straight on, while the heading sways."""
+    place = [5 * seconds * np.cos(0.5), 7.0 + 5 * seconds * np.sin(0.5), 0.0]
+    return transform(quaternion_from_yaw(0.5 + 0.05 * np.sin(seconds)), place)
 
 
 @pytest.fixture
@@ -54,10 +57,10 @@ def drive(tmp_path: Path) -> Path:
     return folder
 
 
-def poses(folder: Path, begin: float = -1.0, end: float = 4.0) -> Path:
+def poses(folder: Path, begin: float = -1.0, end: float = 4.0, mount: FloatArray = EGO) -> Path:
     seconds = np.arange(begin, end, 0.1)
     times = [round((START_S + s) * 1e6) for s in seconds]
-    return write_tum(folder / "poses.txt", times, [pose(s) for s in seconds])
+    return write_tum(folder / "poses.txt", times, [pose(s) @ mount for s in seconds])
 
 
 def converted(drive: Path, rig: SourceRig, trajectory: Trajectory | None, speed_mps: float = 0.0) -> Summary:
@@ -70,7 +73,8 @@ def converted(drive: Path, rig: SourceRig, trajectory: Trajectory | None, speed_
 
 def measured(drive: Path, rig: SourceRig, channel: str | None = None, **span: float) -> Trajectory:
     streams = find_streams(drive, rig.names, Clock(), None)
-    return ego_trajectory(poses(drive.parent, **span), streams, rig, channel)
+    mount = rig.rig[channel].ego_from_cam if channel in rig.rig.channels else EGO
+    return ego_trajectory(poses(drive.parent, **span, mount=mount), streams, rig, channel)
 
 
 def test_a_recording_becomes_a_valid_scene_of_key_frames(drive: Path, rig: SourceRig) -> None:
@@ -146,9 +150,10 @@ def test_poses_of_a_camera(drive: Path, rig: SourceRig) -> None:
     dataset = Dataset(drive.parent / "out")
     frames = [dataset.frame(s, images=False) for s in dataset.samples(dataset.scene("mine"))]
     ways = [inverse(frames[0].world_from_ego) @ frame.world_from_ego for frame in frames]
-    mount = rig.rig["CAM_FRONT"].ego_from_cam
-    expected = [mount @ inverse(pose(0.02)) @ pose(0.02 + 0.5 * i) @ inverse(mount) for i in range(5)]
+    expected = [inverse(pose(0.02)) @ pose(0.02 + 0.5 * i) for i in range(5)]
     np.testing.assert_allclose(ways, expected, atol=1e-4)
+    with pytest.raises(DataError, match=r"poses.txt of CAM_FRONT: expected headings along the way"):
+        ego_trajectory(poses(drive.parent), find_streams(drive, rig.names, Clock(), None), rig, "CAM_FRONT")
     with pytest.raises(NotFoundError, match="--poses-of: the rig has no camera 'CAM_TOP'"):
         measured(drive, rig, "CAM_TOP")
 

@@ -38,6 +38,19 @@ def test_small_whole_numbers_in_tables_are_seconds() -> None:
 
 
 @pytest.mark.parametrize(
+    "text", ["2023-11-14T22:13:20.250001Z", "2023-11-14 22:13:20.250001", "2023-11-14T23:13:20.250001+01:00"]
+)
+def test_times_of_tables_may_be_dates(text: str) -> None:
+    assert seconds_to_us(text) == 1_700_000_000_250_001
+
+
+@pytest.mark.parametrize("text", ["25:61", "today", "14.11.2023 22:13:20"])
+def test_what_is_no_time_is_told_with_an_example(text: str) -> None:
+    with pytest.raises(ValueError, match=r"or of ISO 8601, such as 1700000000.25 or 2023-11-14T22:13:20.25Z, got '"):
+        seconds_to_us(text)
+
+
+@pytest.mark.parametrize(
     ("name", "time_us"),
     [
         ("1700000000.25", 1_700_000_000_250_000),

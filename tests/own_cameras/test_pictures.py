@@ -129,4 +129,4 @@ def test_damaged_sources_are_refused(tmp_path: Path) -> None:
     (tmp_path / "CAM_FRONT.txt").write_text("1.0\n")
     why("expected 1 pictures, as CAM_FRONT.txt has times, got 2")
     (tmp_path / "CAM_FRONT.txt").write_text("noon\n")
-    why(r"CAM_FRONT.txt:1: expected a time, got 'noon'")
+    why(r"CAM_FRONT.txt:1: expected a time in seconds or of ISO 8601, such as .*, got 'noon'")

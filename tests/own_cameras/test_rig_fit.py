@@ -107,6 +107,10 @@ def test_points_that_fix_no_pose_are_refused(rig: SourceRig) -> None:
     line = np.stack([np.arange(6.0), np.zeros(6), np.zeros(6)], axis=1)
     with pytest.raises(DataError, match="the points are in a line"):
         fit_mounting("front", camera.lens, MarkedPoints(uv, line, tuple(range(6))))
+    with pytest.raises(DataError, match=r"front: expected a camera 0.1 to 10 m .*; are x and y in metres\?"):
+        fit_mounting("front", camera.lens, MarkedPoints(uv, 100 * places, tuple(range(6))))
+    with pytest.raises(DataError, match=r"front: no pose above the ground fits the points; .* y to the left\?"):
+        fit_mounting("front", camera.lens, MarkedPoints(uv, places * [1, -1, 1], tuple(range(6))))
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from rig_texts import AHEAD, read_one
 
 from appocc.errors import DataError
 from appocc.geometry import inverse
-from appocc.lenses import DistortedLens, FisheyeLens, Lens, kannala_brandt, polynomial_fisheye
+from appocc.lenses import DistortedLens, FisheyeLens, Lens, kannala_brandt, ocamcalib, polynomial_fisheye
 from appocc.rigs.poses import mounting_rotation
 
 K = np.array([[461.6, 0, 363.0], [0, 460.3, 248.1], [0, 0, 1]])
@@ -71,6 +71,26 @@ WOODSCAPE = """{"extrinsic": {"quaternion": [0.5941767906169857, -0.587884319389
 "intrinsic": {"aspect_ratio": 1.0, "cx_offset": 3.942, "cy_offset": -3.093,
 "height": 966.0, "k1": 339.749, "k2": -31.988, "k3": 48.275, "k4": -7.201, "model": "radial_poly", "poly_order": 4,
 "width": 1280.0}, "name": "FV"}"""
+SCARAMUZZA = """#polynomial coefficients for the DIRECT mapping function (ocam_model.ss in MATLAB)
+
+5 -2.000000e+02 0.000000e+00 1.700000e-03 -1.000000e-06 2.000000e-09
+
+#polynomial coefficients for the inverse mapping function (ocam_model.invpol in MATLAB)
+
+3 300.0 160.0 -10.0
+
+#center: "row" and "column", starting from 0 (C convention)
+
+480.5 641.25
+
+#affine parameters "c", "d", "e"
+
+0.9999 0.0003 -0.0002
+
+#image size: "height" and "width"
+
+960 1280
+"""
 RADTAN = DistortedLens(K, np.array([-0.28, 0.07, 0.0002, 2e-05]))
 
 
@@ -122,6 +142,14 @@ def test_camera_info_of_ros(tmp_path: Path, model: str) -> None:
     assert same(camera.lens, RADTAN)
 
 
+def test_messages_of_ros(tmp_path: Path) -> None:
+    # `ros2 topic echo` writes lines between messages.
+    message = "height: 480\nwidth: 752\ndistortion_model: plumb_bob\nd: [-0.28, 0.07, 0.0002, 2e-05, 0]\n"
+    message += f"k: {K.ravel().tolist()}\n---\n"
+    (tmp_path / "left.yaml").write_text(message + message)
+    assert same(read_one(tmp_path, "calibration: left.yaml", AHEAD).cameras[0].lens, RADTAN)
+
+
 def test_a_fisheye_of_ros(tmp_path: Path) -> None:
     four = ROS.replace("plumb_bob", "equidistant").replace("2e-05, 0.0]", "2e-05]")
     (tmp_path / "left.yaml").write_text(four)
@@ -129,15 +157,37 @@ def test_a_fisheye_of_ros(tmp_path: Path) -> None:
     assert same(rig.cameras[0].lens, kannala_brandt(K, [-0.28, 0.07, 0.0002, 2e-05], 80))
 
 
+@pytest.mark.parametrize("ending", ["yml", "xml", "json"])
+def test_formats_of_opencv(tmp_path: Path, ending: str) -> None:
+    k = np.array([[-0.28, 0.07, 0.0002, 2e-05, 0.0]])
+    size = {"image_width": 752, "image_height": 480}
+    write_opencv(tmp_path / f"left.{ending}", **size, camera_matrix=K, distortion_coefficients=k)
+    (camera,) = read_one(tmp_path, f"calibration: left.{ending}", AHEAD).cameras
+    assert (camera.width_px, camera.height_px) == (752, 480)
+    assert same(camera.lens, RADTAN)
+
+
 def test_matrices_of_opencv(tmp_path: Path) -> None:
     path = tmp_path / "left.yml"
     k = np.array([[-0.28, 0.07, 0.0002, 2e-05]])
     write_opencv(path, image_width=752, image_height=480, camera_matrix=K, distortion_coefficients=k.T)
-    assert same(read_one(tmp_path, "calibration: left.yml", AHEAD).cameras[0].lens, RADTAN)
+    pinhole = "calibration: {file: left.yml, model: pinhole}"
+    assert same(read_one(tmp_path, pinhole, AHEAD).cameras[0].lens, RADTAN)
+    # Four numbers are of a plumb bob or of a fisheye.
+    with pytest.raises(
+        DataError, match=r"expected model: pinhole or model: fisheye, such as calibration: {file: left"
+    ):
+        read_one(tmp_path, "calibration: left.yml", AHEAD)
     write_opencv(path, cameraMatrix=K, distCoeffs=np.pad(k, ((0, 0), (0, 10))))
     assert same(read_one(tmp_path, "size_px: [752, 480]", "calibration: left.yml", AHEAD).cameras[0].lens, RADTAN)
-    with pytest.raises(DataError, match="size_px: expected width and height of a picture"):
+    with pytest.raises(
+        DataError, match="size_px: expected the width and height of the picture, which the file lacks"
+    ):
         read_one(tmp_path, "calibration: left.yml", AHEAD)
+    write_opencv(path, image_size=np.array([[752, 480]]), M=K, D=np.pad(k, ((0, 0), (0, 1))))
+    (camera,) = read_one(tmp_path, "calibration: left.yml", AHEAD).cameras
+    assert (camera.width_px, camera.height_px) == (752, 480)
+    assert same(camera.lens, RADTAN)
     write_opencv(path, K=K, D=np.array([[0.1, 0.02, 0.0, 0.0]]))
     keys = ("size_px: [752, 480]", "calibration: {file: left.yml, model: fisheye}", AHEAD)
     assert same(read_one(tmp_path, *keys).cameras[0].lens, kannala_brandt(K, [0.1, 0.02, 0, 0]))
@@ -161,6 +211,20 @@ def test_cameras_of_colmap(tmp_path: Path) -> None:
         read_one(tmp_path, "calibration: {file: cameras.txt, camera: 4}", AHEAD)
 
 
+def test_a_refused_value_of_a_calibration_file_is_told_with_the_file(tmp_path: Path) -> None:
+    (tmp_path / "left.yaml").write_text(ROS.replace("461.6", "0.6138"))
+    with pytest.raises(DataError, match=r"rig.yaml: cameras.front.intrinsic: expected focal .*file is left.yaml$"):
+        read_one(tmp_path, "calibration: left.yaml", AHEAD)
+
+
+def test_a_camera_of_ocamcalib(tmp_path: Path) -> None:
+    (tmp_path / "calib_results.txt").write_text(SCARAMUZZA)
+    (camera,) = read_one(tmp_path, "calibration: {file: calib_results.txt, circle_deg: 185}", AHEAD).cameras
+    assert (camera.width_px, camera.height_px) == (1280, 960)
+    polynomial, affine = [-200.0, 0.0, 1.7e-3, -1e-6, 2e-9], (0.9999, 0.0003, -0.0002)
+    assert same(camera.lens, ocamcalib(polynomial, [641.25, 480.5], affine, 185))
+
+
 def test_a_camera_of_woodscape_has_its_pose(tmp_path: Path) -> None:
     (tmp_path / "front.json").write_text(WOODSCAPE)
     (camera,) = read_one(tmp_path, "calibration: front.json").cameras
@@ -177,7 +241,7 @@ def test_a_camera_of_woodscape_has_its_pose(tmp_path: Path) -> None:
     [
         ("", "expected Kalibr's camchain, OpenCV's FileStorage"),
         ("{a: [1, 2}", "got no valid YAML"),
-        ("cameras: {}", "got something else"),
+        ("{M1: [1], D1: [0]}", "got something else with the keys M1, D1"),
         (ROS.replace("plumb_bob", "double_sphere"), "distortion_model: expected plumb_bob, .*, got 'double_sphere'"),
         (ROS.replace("0.0, 0.0, 1.0]", "0.0]"), "camera_matrix: expected 3x3 numbers, got 7"),
         (ROS.replace("-0.28", "much"), "distortion_coefficients: expected coefficients, such as"),
@@ -192,6 +256,12 @@ def test_a_camera_of_woodscape_has_its_pose(tmp_path: Path) -> None:
         ),
         (WOODSCAPE.replace("radial_poly", "scaramuzza"), "intrinsic.model: expected radial_poly"),
         (WOODSCAPE.replace("339.749", "null"), "intrinsic.k1: expected a coefficient"),
+        (
+            SCARAMUZZA.replace("480.5 641.25", "480.5"),
+            r"front.yaml: center: expected row and column, such as 480 640",
+        ),
+        (SCARAMUZZA.replace("5 -2.0", "4 -2.0"), "expected 5 in front of 5 coefficients, got"),
+        (SCARAMUZZA.partition("#image size")[0], "affine, image size, got 4 rows"),
     ],
 )
 def test_what_is_no_calibration_is_told_in_one_line(tmp_path: Path, text: str, reason: str) -> None:

@@ -81,6 +81,19 @@ def test_an_intrinsic_may_be_given(tmp_path: Path) -> None:
         ("cameras:\n  ../x: {}", "cameras: expected a name that its pictures can have, such as front, got '../x'"),
         (ONE.replace("fov_deg: 90", "fov_deg: .nan"), "fov_deg"),
         (ONE.replace("fov_deg: 90", "fov_deg: 190"), "fov_deg"),
+        (
+            ONE.replace("fov_deg: 90", "fov_deg: 1.57"),
+            "field of view in degrees, from 5 to 175, such as 70, got 1.57",
+        ),
+        (ONE.replace("fov_deg: 90", "focal_px: 0.6"), "focal_px: expected focal lengths in pixels, 1 to 768 for"),
+        (
+            ONE.replace("fov_deg: 90", "focal_px: 32\n    centre_px: [310, 12]"),
+            "expected a principal point in pixels",
+        ),
+        (
+            ONE.replace("fov_deg: 90", "focal_px: 32\n    distortion: [-4, 0, 0, 0]"),
+            "distortion: expected k1, k2, p1, p2, ... of OpenCV, with which the lens sees its whole picture",
+        ),
         (ONE.replace("    fov_deg: 90\n", ""), "either fov_deg, focal_px or intrinsic, such as fov_deg: 70"),
         (ONE + "    intrinsic: [[50, 0, 31], [0, 51, 15], [0, 0, 1]]\n", "got fov_deg and intrinsic"),
         (
@@ -116,6 +129,11 @@ def test_an_intrinsic_may_be_given(tmp_path: Path) -> None:
             "ego_from_cam: expected 3 or 4 rows of 4 numbers, or a rotation and translation_m",
         ),
         (MATRIX + "[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 2, 0]]", "ego_from_cam: expected a rotation matrix"),
+        (MATRIX + "[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 0]]", "got a mirror: one axis is reversed"),
+        (
+            MATRIX + "{rodrigues: [-70, 69, -69], translation_m: [0, 0, 1]}",
+            "rodrigues: expected a rotation vector in",
+        ),
         (MATRIX + "{translation_m: [0, 0, 0]}", "either quaternion_wxyz, quaternion_xyzw, rodrigues or yaw_deg"),
         (MATRIX + "{quaternion_wxyz: [1, 2, 3, 4], translation_m: [0, 0, 0]}", "expected a unit quaternion"),
         (MATRIX + "{rodrigues: [0, 0, 1]}", "translation_m: expected three coordinates in metres"),
@@ -125,7 +143,7 @@ def test_an_intrinsic_may_be_given(tmp_path: Path) -> None:
             "yaw_deg: expected nothing beside",
         ),
         (
-            ONE.replace("fov_deg: 90", "fov_deg: 150\n    pitch_deg: -90\n    fisheye: [0, 0, 0, 0]"),
+            ONE.replace("fov_deg: 90", "fov_deg: 150\n    pitch_deg: 90\n    fisheye: [0, 0, 0, 0]"),
             "view of the horizon",
         ),
         (ONE + "ego_vehicle: {height_m: 1.5}\n", "ego_vehicle: expected the keys length_m"),

@@ -136,10 +136,12 @@ def test_pictures_of_another_size_are_scaled_and_of_another_aspect_refused(tmp_p
     rig = read_one(tmp_path, PINHOLE, AHEAD)
     assert rig.scaling("front", 320, 180) is None
     told = rig.scaling("front", 1920, 1080)
-    assert told == "front: expected 320x180 pixels, as its rig says, got 1920x1080; pictures are scaled"
+    assert told == "front: expected 320x180 pixels, as size_px of its rig says, got 1920x1080; pictures are scaled"
     large = np.repeat(np.repeat(GREY, 2, axis=0), 2, axis=1)
     np.testing.assert_array_equal(rig.rectify({"front": large})["CAM_FRONT"], GREY)
-    with pytest.raises(DataError, match="front: expected 320x180 pixels, as its rig says, got 320x240, which has"):
+    with pytest.raises(
+        DataError, match="front: expected 320x180 pixels, as size_px of its rig says, got 320x240, which has"
+    ):
         rig.rectify({"front": np.zeros((240, 320, 3), np.uint8)})
     with pytest.raises(NotFoundError, match="rig has no camera 'nose'; it has front"):
         rig.rectify({"nose": GREY})

@@ -1,7 +1,7 @@
 """Calibration files of other tools, as keys of a camera in a rig file.
 
-Read are Kalibr's camera chains, OpenCV's FileStorage and ROS' camera_info (both YAML), COLMAP's cameras.txt, and
-WoodScape's JSON. What a file is, is told by its content.
+Read are Kalibr's camera chains, OpenCV's FileStorage and ROS' camera_info (both YAML), COLMAP's cameras.txt,
+OCamCalib's calib_results.txt, and WoodScape's JSON. What a file is, is told by its content.
 """
 
 from __future__ import annotations
@@ -12,16 +12,20 @@ from typing import Any
 
 from appocc.errors import DataError
 from appocc.files import read_text
-from appocc.rigs.calibration import colmap, kalibr, matrices, woodscape
+from appocc.rigs.calibration import colmap, kalibr, matrices, scaramuzza, woodscape
 from appocc.rigs.calibration.wanted import Wanted
 from appocc.rigs.fields import Fields
 from appocc.rigs.poses import read_transform
+from appocc.xml_file import parse_xml
 from appocc.yaml_file import parse_yaml, plain_yaml
 
 _KEYS = ("file", "camera", "model", "circle_deg", *kalibr.BASES)
 _EXAMPLE = "front.yaml, or {file: camchain.yaml, camera: cam0}"
-_MOST_BYTES = 500_000
-_FORMATS = "Kalibr's camchain, OpenCV's FileStorage, ROS' camera_info, COLMAP's cameras.txt or WoodScape's JSON"
+_MOST_BYTES, _SHOWN = 500_000, 80
+_FORMATS = (
+    "Kalibr's camchain, OpenCV's FileStorage, ROS' camera_info, COLMAP's cameras.txt, OCamCalib's calib_results.txt "
+    "or WoodScape's JSON"
+)
 _READERS: tuple[tuple[Callable[[Any], bool], Callable[[Any, Wanted], dict[str, Any]]], ...] = (
     (kalibr.is_chain, kalibr.camera_keys),
     (woodscape.is_camera, woodscape.camera_keys),
@@ -58,11 +62,17 @@ def _keys_of(path: Path, wanted: Wanted) -> dict[str, Any]:
     text = read_text(path, _MOST_BYTES)
     if colmap.is_list(text):
         return colmap.camera_keys(text, wanted)
-    try:
-        values = parse_yaml(plain_yaml(text))
-    except ValueError as error:
-        raise DataError(f"{path}: expected {_FORMATS}, got no valid YAML ({error})") from error
+    if scaramuzza.is_camera(text):
+        return scaramuzza.camera_keys(text, wanted)
+    if text.lstrip().startswith("<"):
+        values: Any = matrices.xml_values(parse_xml(path, text))
+    else:
+        try:
+            values = parse_yaml(plain_yaml(text))
+        except ValueError as error:
+            raise DataError(f"{path}: expected {_FORMATS}, got no valid YAML ({error})") from error
     for fits, read in _READERS:
         if fits(values):
             return read(values, wanted)
-    raise DataError(f"{path}: expected {_FORMATS}, got something else")
+    keys = f" with the keys {', '.join(map(str, values))[:_SHOWN]}" if isinstance(values, dict) else ""
+    raise DataError(f"{path}: expected {_FORMATS}, got something else{keys}")

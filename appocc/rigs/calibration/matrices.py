@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 from typing import Any
+from xml.etree.ElementTree import Element
 
 from appocc.errors import DataError
 from appocc.rigs.calibration.wanted import Wanted
 from appocc.rigs.fields import Fields
 
 # Names in OpenCV's samples, in ROS' files and messages, and those that are usual.
-_MATRIX = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "k", "mtx", "intrinsic_matrix")
+_MATRIX = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "k", "mtx", "intrinsic_matrix", "M")
 _DISTORTION = (
     "distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "D", "d", "dist",
 )  # fmt: skip
 _WIDTH = ("image_width", "image_Width", "width")
 _HEIGHT = ("image_height", "image_Height", "height")
+_SIZE = ("image_size", "imageSize", "image_Size", "img_size", "resolution", "size")
 _FISHEYE_MODELS = ("equidistant", "fisheye", "kannala_brandt", "kannala_brandt4")
 _PINHOLE_MODELS = ("plumb_bob", "rational_polynomial", "radtan", "pinhole", "none", "")
 # Coefficients that OpenCV writes for lenses; the further ones, of thin prisms and tilted sensors, must be zero.
 _LENGTHS = (4, 5, 8)
 _ALL_LENGTHS = (4, 5, 8, 14)
+
+
+def xml_values(root: Element) -> dict[str, Any]:
+    """Return the values of OpenCV's FileStorage in XML, numbers as texts, by name."""
+    return {each.tag: (each.findtext("data") or each.text or "").split() for each in root}
 
 
 def is_camera(values: Any) -> bool:
@@ -42,11 +49,13 @@ def camera_keys(values: dict[str, Any], wanted: Wanted) -> dict[str, Any]:
         raise DataError(f"{wanted.path}: {name}: expected 3x3 numbers, got {len(flat)}")
     keys: dict[str, Any] = {"intrinsic": [flat[0:3], flat[3:6], flat[6:9]]}
     if (width := _first(values, _WIDTH)) and (height := _first(values, _HEIGHT)):
-        keys["size_px"] = [values[width], values[height]]
+        keys["size_px"] = [_one(values[width]), _one(values[height])]
+    elif (size := _first(values, _SIZE)) and len(_flat(values[size])) == 2:
+        keys["size_px"] = _flat(values[size])
     distortion = _distortion_name(values, wanted)
     named = Fields({distortion: _flat(values.get(distortion)) or [0.0]}, wanted.path)
     coefficients = named.numbers(distortion, (), "coefficients", "[-0.3, 0.1, 0.001, -0.002, 0.0]").tolist()
-    if _is_fisheye(values, wanted):
+    if _is_fisheye(values, len(coefficients), wanted):
         if len(coefficients) != 4:
             raise DataError(f"{wanted.path}: {distortion}: expected k1 to k4 of a fisheye, got {len(coefficients)}")
         return keys | {"fisheye": {"coefficients": coefficients}}
@@ -72,15 +81,20 @@ def _distortion_name(values: dict[str, Any], wanted: Wanted) -> str:
     return _DISTORTION[0]
 
 
-def _is_fisheye(values: dict[str, Any], wanted: Wanted) -> bool:
+def _is_fisheye(values: dict[str, Any], count: int, wanted: Wanted) -> bool:
     """Whether the model is cv2.fisheye's, as the file says, or else the rig file.
 
     Raises:
-        DataError: if the file names another model.
+        DataError: if the file names another model, or neither tells what four coefficients are.
     """
     said = values.get("distortion_model", values.get("camera_model"))
     if said is None and isinstance(values.get("fisheye_model"), int):
         said = "fisheye" if values["fisheye_model"] else "pinhole"
+    if said is None and wanted.model is None and count == _LENGTHS[0]:
+        example = f"calibration: {{file: {wanted.path.name}, model: fisheye}}"
+        raise DataError(
+            f"{wanted.path}: expected model: pinhole or model: fisheye, such as {example}, got 4 coefficients"
+        )
     if said is None:
         return wanted.model == "fisheye"
     name = str(said).strip().lower()
@@ -92,6 +106,11 @@ def _is_fisheye(values: dict[str, Any], wanted: Wanted) -> bool:
 
 def _first(values: dict[str, Any], names: tuple[str, ...]) -> str | None:
     return next((name for name in names if values.get(name) is not None), None)
+
+
+def _one(value: Any) -> Any:
+    """Return a number, alone or in a list of XML."""
+    return value[0] if isinstance(value, list) and len(value) == 1 else value
 
 
 def _flat(value: Any) -> list[Any]:
