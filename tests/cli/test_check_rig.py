@@ -23,6 +23,7 @@ def test_a_frame_of_a_scene(tiny: TinyDataset, tmp_path: Path) -> None:
     assert result.exit_code == 0, result.stderr
     value = json.loads(result.stdout)
     assert value["picture"] == str(out)
+    assert result.stderr.splitlines()[-1] == f"{out}: scene-tiny-0002"
     assert value["cameras"]["CAM_FRONT"]["yaw_deg"] == pytest.approx(0, abs=1e-6)
     assert abs(value["cameras"]["CAM_BACK"]["yaw_deg"]) == pytest.approx(180)
     assert value["cameras"]["CAM_BACK"]["height_m"] == pytest.approx(1.6)
