@@ -214,9 +214,9 @@ def bev_folder(root: PathLike, source: str) -> Path:
     return path_of(source) if "/" in source else path_of(root) / "bev" / source
 
 
-def picture_path(folder: Path, title: str, ending: str) -> Path:
+def picture_path(folder: Path, title: str) -> Path:
     """Return the path of the picture of a map in the folder of a source."""
-    return folder / PICTURES / f"{title}{ending}"
+    return folder / PICTURES / f"{title}.jpg"
 
 
 def bev_path(root: PathLike, source: str, sample_token: str) -> Path:

@@ -48,4 +48,4 @@ def check_rig(
         say(f"{camera}: left out ({reason})")
     for name, pose in poses.items():
         say(f"{name}: {pose.text}")
-    say(f"{out}")
+    say(f"{out}: {inputs[frame].title}")

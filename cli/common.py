@@ -242,15 +242,17 @@ def choose_scene(dataset: Dataset, name: str | None) -> Scene:
         return dataset.scene(name)
     if len(dataset.scenes) == 1:
         return dataset.scenes[0]
+    if not dataset.scenes:
+        raise DataError(f"{dataset.root}: no scenes")
     names = ", ".join(scene.name for scene in dataset.scenes[:_MAX_LISTED])
     more = f" and {len(dataset.scenes) - _MAX_LISTED} more" if len(dataset.scenes) > _MAX_LISTED else ""
-    raise DataError(f"{dataset.root}: expected --scene, one of {names or 'none'}{more}")
+    raise DataError(f"{dataset.root}: expected --scene, one of {names}{more}")
 
 
 def choose_source(root: Path, name: str | None, preferred: Sequence[str] = ("groundtruth",)) -> str:
     """Return the source of maps with a name; without a name the only one, or the first preferred one that there is.
 
-    A name without maps is returned too: reading a map reports what there is.
+    A name without maps is returned too: reading a map reports what there is. A choice among several is told.
 
     Raises:
         DataError: if there is no name, and no maps, or several sources but none of the preferred ones.
@@ -262,6 +264,9 @@ def choose_source(root: Path, name: str | None, preferred: Sequence[str] = ("gro
     sources = map_sources(root)
     chosen = sources if len(sources) == 1 else [each for each in preferred if each in sources]
     if chosen:
+        others = ", ".join(each for each in sources if each != chosen[0])
+        if others:
+            say(f"maps of {chosen[0]}; there are also {others} (--bev)")
         return chosen[0]
     if sources:
         raise DataError(f"{root}: expected --bev, one of {', '.join(sources)}")

@@ -11,7 +11,7 @@ import numpy as np
 
 from appocc.bevmap import load_map
 from appocc.demo.dataset import SCENE, SOURCE, DemoSettings, record_demo
-from appocc.demo.explain import CONVERSATION_PICTURE, explanation
+from appocc.demo.explain import CONVERSATION_PICTURE, NEAR_M, explanation
 from appocc.demo.pictures import overview
 from appocc.evaluation.bev import EvaluationConfig, evaluate
 from appocc.files import write_bytes, write_image
@@ -56,12 +56,15 @@ def run_demo(folder: Path, out: Path, progress: Progress) -> dict[str, Any]:
     dataset = Dataset(root)
     scene = dataset.scene(SCENE)
     _predict(dataset, scene)
-    judged = evaluate(dataset, [scene], EvaluationConfig(PREDICTED, SOURCE, False, None), lambda _: None).as_json()
+    judged, near = (
+        evaluate(dataset, [scene], EvaluationConfig(PREDICTED, SOURCE, False, range_m), lambda _: None).as_json()
+        for range_m in (None, NEAR_M)
+    )
     tracks, scores = _track(dataset, scene, folder, progress)
     answers = _ground(dataset, scene, folder)
     talk = _converse(dataset, scene, folder)
     _draw(dataset, scene, folder, tracks)
-    text = explanation(out, settings.samples, FRAME, judged, scores, answers, talk)
+    text = explanation(out, settings.samples, FRAME, judged, near, scores, answers, talk)
     write_bytes(folder / "README.txt", text.encode())
     return {"scene": SCENE, "bev": judged, "tracks": tracks.count, **scores, "ground": answers, "conversation": talk}
 

@@ -62,47 +62,69 @@ def detections(
     _show(answer)
 
 
-_ERRORS = ("ATE", "ASE", "AOE", "AVE", "AAE")
+# The true-positive errors of nuScenes and their units.
+_ERRORS = {"ATE": "m", "ASE": "1 - IoU", "AOE": "rad", "AVE": "m/s", "AAE": "share"}
 
 
 def _show(answer: dict[str, Any]) -> None:
     """Print the figures as tables to stderr."""
     within = f", within {answer['range_m']:g} m" if answer["range_m"] else ""
     say(f"{answer['source']}: {answer['samples']} samples of {answer['scenes']} scenes{within}")
-    console = wide_console(120)
-    console.print(_class_table(answer))
+    console = wide_console(80)
+    console.print(_precision_table(answer))
+    console.print(_error_table(answer))
     console.print(_vehicle_table(answer["vehicles"]))
     say(f"NDS {_number(100 * answer['NDS'])}; vehicles: scores from {_number(answer['vehicles']['score'], 3)}")
 
 
-def _class_table(answer: dict[str, Any]) -> Any:
+def _precision_table(answer: dict[str, Any]) -> Any:
     from rich.table import Table
 
     table = Table("class")
     gates = next((list(one["AP_at_m"]) for one in answer["by_class"].values()), list[str]())
-    for head in ("count", "AP %", *(f"at {gate} m" for gate in gates), *_ERRORS):
+    for head in ("count", "AP %", *(f"at {gate} m" for gate in gates)):
         table.add_column(head, justify="right")
     for kind, one in answer["by_class"].items():
         shares = [_number(100 * value) for value in (one["AP"], *one["AP_at_m"].values())]
-        table.add_row(kind, str(one["count"]), *shares, *(_number(one[name], 2) for name in _ERRORS))
-    means = [_number(answer[f"m{name}"], 2) for name in _ERRORS]
-    table.add_row("mean", "", _number(100 * answer["mAP"]), *[""] * len(gates), *means)
+        table.add_row(kind, str(one["count"]), *shares)
+    table.add_row("mean", "", _number(100 * answer["mAP"]), *[""] * len(gates))
     return table
+
+
+def _error_table(answer: dict[str, Any]) -> Any:
+    from rich.table import Table
+
+    table = Table("class")
+    for name, unit in _ERRORS.items():
+        table.add_column(f"{name}\n{unit}", justify="right")
+    for kind, one in answer["by_class"].items():
+        table.add_row(kind, *(_number(one[name], 2) for name in _ERRORS))
+    table.add_row("mean", *(_number(answer[f"m{name}"], 2) for name in _ERRORS))
+    return table
+
+
+_COUNTS = {"true": "vehicles", "found": "found", "false": "false"}
+_SHARES = {
+    "precision %": "precision",
+    "recall %": "recall",
+    "F1 %": "F1",
+    "heading within 20 degrees %": "heading_within_20_deg",
+    "paint of the right word %": "colour_word_right",
+}
 
 
 def _vehicle_table(vehicles: dict[str, Any]) -> Any:
     from rich.table import Table
 
+    ranges = {name: one for name, one in vehicles.items() if name != "score"}
     table = Table("vehicles")
-    counts, shares = ("vehicles", "found", "false"), ("precision", "recall", "F1", "heading_within_20_deg")
-    for head in ("true", "found", "false", "precision %", "recall %", "F1 %", "heading %", "CIEDE2000", "word %"):
-        table.add_column(head, justify="right")
-    for name, one in vehicles.items():
-        if name == "score":
-            continue
-        numbers = [str(one[key]) for key in counts] + [_number(100 * one[key]) for key in shares]
-        paint = [_number(one["ciede2000_median"]), _number(100 * one["colour_word_right"])]
-        table.add_row(name.replace("_", " "), *numbers, *paint)
+    for name in ranges:
+        table.add_column(name.replace("_", " "), justify="right")
+    for title, key in _COUNTS.items():
+        table.add_row(title, *(str(one[key]) for one in ranges.values()))
+    for title, key in _SHARES.items():
+        table.add_row(title, *(_number(100 * one[key]) for one in ranges.values()))
+    table.add_row("paint, median CIEDE2000", *(_number(one["ciede2000_median"]) for one in ranges.values()))
     return table
 
 

@@ -61,8 +61,11 @@ def tracks(
     _show(report)
 
 
+_IN_A_ROW = 7  # as many scores as fit a terminal of 80 columns
+
+
 def _show(report: EvaluationReport) -> None:
-    """Print the scores as a table on stderr."""
+    """Print the scores as tables on stderr."""
     from rich.table import Table
 
     p, m = report.protocol, report.metrics
@@ -71,7 +74,6 @@ def _show(report: EvaluationReport) -> None:
     say(f"{p['format']}, {p['kind'] or 'all kinds'}: {p['frames']} frames, {m.GT} objects in them; {gate}{within}")
     if p["samples_without_truth"]:
         say(f"{p['samples_without_truth']} samples of the tracks have no truth and are left out")
-    table = Table()
     cells = {
         name: _digits(100 * getattr(m, name), 2) for name in ("MOTA", "IDF1", "IDP", "IDR", "HOTA", "DetA", "AssA")
     }
@@ -81,11 +83,13 @@ def _show(report: EvaluationReport) -> None:
             "AMOTA": _digits(100 * report.amota.AMOTA, 2),
             "AMOTP": _digits(report.amota.AMOTP, 3),
         }
-    for name in cells:
-        table.add_column(name, justify="right")
-    table.add_row(*cells.values())
-    console = wide_console(120)
-    console.print(table)
+    names = list(cells)
+    for part in (names[:_IN_A_ROW], names[_IN_A_ROW:]):
+        table = Table()
+        for name in part:
+            table.add_column(name, justify="right")
+        table.add_row(*(cells[name] for name in part))
+        wide_console(80).print(table)
     best = report.amota.best if report.amota is not None else None
     if report.amota is not None and best is not None:
         counts = ", ".join(f"{name} {_digits(getattr(best, name), 0)}" for name in ("IDS", "FRAG", "FP", "FN"))

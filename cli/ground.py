@@ -133,6 +133,8 @@ def ground(
     several = commands is not None or interactive
     if several and root is None and text is not None:
         root, text = in_path(text), None
+    if text is not None and root is not None:
+        _check_order(text, root)
     _check_one(("TEXT", text), ("--commands", commands), ("--interactive", interactive or None))
     _check_one(("ROOT", root), ("--map", map_file), hint=_ONLY_ROOT if several else "")
     if picture is not None and text is None:
@@ -164,6 +166,17 @@ def ground(
     if commands is not None:
         raise typer.Exit(max(_print(grounder.ground(one), explain, as_json) for one in _lines(commands)))
     raise typer.Exit(_converse(grounder.session(), explain, as_json))
+
+
+def _check_order(text: str, root: Path) -> None:
+    """Check that the command comes before the dataset.
+
+    Raises:
+        DataError: if it is the other way round.
+    """
+    with suppress(OSError):  # a command may be too long for the name of a folder
+        if Path(text).is_dir() and not root.is_dir():
+            raise DataError(f"expected TEXT, then ROOT, got the folder {text} first")
 
 
 def _check_one(*given: tuple[str, object], hint: str = "") -> None:

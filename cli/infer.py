@@ -132,7 +132,8 @@ def device_of(name: str | None) -> torch.device | None:
         torch.zeros(1, device=device)
     except (RuntimeError, AssertionError) as error:
         reason = str(error).splitlines()[0]
-        raise DataError(f"--device: expected cpu, or a GPU that torch can use, got '{name}' ({reason})") from error
+        why = f" ({reason})" if name.startswith("cuda") else ""  # else torch lists devices that it has not got
+        raise DataError(f"--device: expected cpu, or a GPU that torch can use, got '{name}'{why}") from error
     return device
 
 
@@ -146,7 +147,7 @@ def inputs_of(
         NotFoundError: if there is no such scene or rig.
     """
     from appocc.errors import DataError
-    from appocc.inference.inputs import dataset_inputs, folder_inputs
+    from appocc.inference.inputs import dataset_inputs, folder_inputs, holds_images
     from appocc.nuscenes import Dataset
     from appocc.rigs import read_source_rig
 
@@ -155,7 +156,12 @@ def inputs_of(
             if value is not None:
                 raise DataError(f"expected either {option} of a dataset or --rig of a folder of images, got both")
         return folder_inputs(source, read_source_rig(rig), say)
-    dataset = Dataset(source, version)
+    try:
+        dataset = Dataset(source, version)
+    except DataError as error:
+        if holds_images(source):
+            raise DataError(f"{source}: images without the tables of a dataset; name their rig: --rig") from error
+        raise
     scenes = [dataset.scene(scene)] if scene else dataset.scenes
     inputs = dataset_inputs(dataset, scenes, level)
     say_empty(dataset, scenes)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from appocc.bevmap import ROAD
 from appocc.boxes import Boxes
 from appocc.camera import Camera
 from appocc.checks import ByteArray, FloatArray
@@ -14,6 +15,8 @@ from appocc.frame import Frame
 from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
 from appocc.visualization.canvas import (
+    CLASS_COLOURS,
+    GREEN,
     HATCH_COLOUR,
     RED,
     UNKNOWN_LEGEND,
@@ -34,7 +37,7 @@ CYAN: Colour = (60, 220, 255)
 PALE_CYAN: Colour = (120, 170, 185)
 _VEHICLE: Colour = (205, 210, 220)
 _SCALE = 4
-_CAPTION_PX, _LINE_PX, _LEGEND_PX = 204, 22, 250
+_LINE_PX, _LEGEND_PX, _MOST_REASONS = 22, 250, 6
 # Width of the camera panel, at most, relative to the map panel.
 _MAX_RELATIVE_WIDTH = 1.8
 # Nearest depth and farthest pixels of what is drawn into a camera image.
@@ -59,12 +62,13 @@ def draw_answer(answer: Answer, frame: Frame | None = None, *, show_costs: bool 
 
 def _draw_caption(answer: Answer, said: str, width: int) -> ByteArray:
     """Draw the caption: command, status and reasons."""
-    band = np.full((_CAPTION_PX, width, 3), 24, np.uint8)
+    reasons = answer.reasons[:_MOST_REASONS]
+    band = np.full((72 + len(reasons) * _LINE_PX, width, 3), 24, np.uint8)
     status = answer.status.replace("_", " ")
     put_text(band, f'"{_truncate(said or answer.query.command, width // 14)}"', (12, 28), WHITE, 0.7)
     told = f"{status}: {answer.question}" if answer.question else status
     put_text(band, _truncate(told, width // 12), (12, 56), _STATUS_COLOUR.get(answer.status, RED), 0.6)
-    for number, reason in enumerate(answer.reasons[: (_CAPTION_PX - 66) // _LINE_PX]):
+    for number, reason in enumerate(reasons):
         put_text(band, _truncate(reason, width // 10), (12, 82 + number * _LINE_PX), WHITE, 0.5)
     return band
 
@@ -125,7 +129,10 @@ def _shade_costs(canvas: BEVCanvas, cost: FloatArray) -> None:
 
 def _draw_legend(canvas: BEVCanvas, answer: Answer) -> None:
     """Draw a legend of the colours in use."""
-    entries = [("the car now", (60, 200, 90)), (UNKNOWN_LEGEND, HATCH_COLOUR)]
+    bev = answer.scene.bev
+    entries = [("the car now", GREEN), (UNKNOWN_LEGEND, HATCH_COLOUR)]
+    if bev is not None and (bev.on[ROAD] & ~bev.appearance_valid).any():
+        entries.append(("plain grey: road of unknown colour", CLASS_COLOURS[ROAD]))
     entries += [("vehicles", _VEHICLE)] if answer.scene.objects else []
     entries += [("the vehicle meant", RED)] if answer.referent else []
     entries += [("the place to go", CYAN)] if answer.target else []

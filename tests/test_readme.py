@@ -12,7 +12,8 @@ import pytest
 from argoverse_twin import write_log
 from dask_processes import process
 from in_process import run_command
-from walkthrough import README, Walkthrough, blocks, run_line
+from panda_twin import PandaTwin
+from walkthrough import PUBLISHED, README, Walkthrough, blocks, run_line
 
 from appocc.bevmap import BEVMap
 from appocc.frame import Frame
@@ -50,6 +51,15 @@ def test_the_walkthrough_on_a_real_street_runs_line_by_line(walkthrough: Walkthr
     commands = ["convert", "groundtruth", "track", "ground", "infer", "eval"]
     assert [line.split()[1] for line in walkthrough.lines] == commands
     assert walkthrough.failures() == []
+
+
+def test_the_published_layout_of_the_street_is_converted(tmp_path: Path) -> None:
+    line = blocks("## On a real street")[0].splitlines()[0]
+    assert line.endswith(PUBLISHED)
+    PandaTwin(tmp_path).publish().rename(tmp_path / "pandaset")
+    code, said = run_line(line, tmp_path)
+    assert code == 0, said
+    assert "scenes 002" in said
 
 
 @pytest.mark.realdata
@@ -95,7 +105,7 @@ def test_the_commands_with_ones_own_cameras_run_in_order(tmp_path: Path) -> None
         code, said = run_line(line, tmp_path)
         assert code == 0, (line, said)
     assert (tmp_path / "rig.png").read_bytes().startswith(b"\x89PNG")
-    assert len(list((tmp_path / "WIDE" / "maps").glob("*.npz"))) == 1
+    assert len(list((tmp_path / "wide-maps").glob("*.npz"))) == 1
 
 
 def test_the_commands_with_a_published_dataset_run_in_order(tmp_path: Path) -> None:

@@ -13,6 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 README = Path(__file__).parents[1] / "README.md"
+# How the README names a published recording, and the arguments that read the plain copy of it in the data folder.
+PUBLISHED = "pandaset/002 OUT --trust-pickles"
+_PLAIN = "../shared/data/pandaset_002 OUT --lidar ../shared/data/pandaset_002_lidar"
 
 
 def blocks(heading: str) -> list[str]:
@@ -36,7 +39,7 @@ class Walkthrough:
 
 
 def run_walkthrough(base: Path, heading: str, data: Path | None) -> Walkthrough:
-    """Run a section's lines in `base`/repository, with the data where it says it is; or take an earlier outcome."""
+    """Run a section's lines in `base`/repository, on the plain copy of the data; or take an earlier outcome."""
     folder = base / "repository"
     lines = tuple(blocks(heading)[0].splitlines())
     base.mkdir(exist_ok=True)
@@ -48,7 +51,7 @@ def run_walkthrough(base: Path, heading: str, data: Path | None) -> Walkthrough:
             if data is not None:
                 (base / "shared").mkdir()
                 (base / "shared" / "data").symlink_to(data.resolve())
-            record.write_text(json.dumps([run_line(line, folder) for line in lines]))
+            record.write_text(json.dumps([run_line(line.replace(PUBLISHED, _PLAIN), folder) for line in lines]))
         outcomes = tuple((int(code), str(said)) for code, said in json.loads(record.read_text()))
     return Walkthrough(folder, lines, outcomes)
 

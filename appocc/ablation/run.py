@@ -15,14 +15,14 @@ from appocc.ablation.rows import StudyRow, study_rows
 from appocc.ablation.study import RowOutcome, Study
 from appocc.ablation.tables import study_json
 from appocc.errors import DataError
-from appocc.files import path_of, write_bytes, write_json
+from appocc.files import write_bytes, write_json
 from appocc.inference.loading import load_predictor
 from appocc.models.model_spec import MODEL_SPECS
 from appocc.models.registry import COLOURINGS
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Scene
 from appocc.training.config import Config
-from appocc.training.session import run_training
+from appocc.training.session import check_roots, run_training
 
 RESULTS_FILE, REPORT_FILE = "ablation.json", "ablation.md"
 
@@ -35,9 +35,7 @@ def build_study(config: Config, test: Dataset, scenes: int | None, seeds: int, o
     """
     if config.init is not None:
         raise DataError(f"ablate: expected init null, got {config.init!r}; all rows are trained from scratch")
-    for root in (*config.data.train_roots, config.data.val):
-        if root is not None and not path_of(root).is_dir():
-            raise DataError(f"{root}: no such folder")
+    check_roots(config)
     if config.train.threads is not None:
         torch.set_num_threads(config.train.threads)  # for rows without training
 

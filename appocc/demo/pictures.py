@@ -6,7 +6,8 @@ from appocc.bevmap import BEVMap
 from appocc.boxes import Boxes
 from appocc.checks import ByteArray
 from appocc.frame import Frame
-from appocc.visualization.predictions import PANELS, figure_below_cameras, map_panel
+from appocc.visualization.canvas import PANELS
+from appocc.visualization.predictions import figure_below_cameras, map_panel
 from appocc.visualization.vehicle_marks import VehicleMarks
 
 

@@ -15,6 +15,7 @@ from appocc.files.images import (
 )
 from appocc.files.local_copies import local_copy
 from appocc.files.names import inside, plain_name, stays_inside
+from appocc.files.questions import check_folder
 from appocc.files.reading import (
     MOST_BYTES,
     MOST_TEXT_BYTES,
@@ -35,6 +36,7 @@ __all__ = [
     "MOST_TEXT_BYTES",
     "RemotePath",
     "StoreError",
+    "check_folder",
     "decoded_image",
     "decoded_labels",
     "digest_of",

@@ -7,6 +7,7 @@ from collections.abc import Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from appocc.errors import DataError
 from appocc.files.object_store import listing, state_of_object
 from appocc.files.reading import read_file
 from appocc.files.remote_path import RemotePath
@@ -51,6 +52,17 @@ def is_file(place: Path | os.DirEntry[str]) -> bool:
         return place.is_file()
     except OSError:
         return False
+
+
+def check_folder(folder: Path) -> None:
+    """Check that a folder exists.
+
+    Raises:
+        DataError: if it does not, or is a file.
+        StoreError: if the store of a remote folder does not answer or refuses.
+    """
+    if not folder.is_dir():
+        raise DataError(f"{folder}: " + ("expected a folder, got a file" if is_file(folder) else "no such folder"))
 
 
 def files_there(folder: Path, names: Collection[str]) -> set[str]:

@@ -77,7 +77,7 @@ def generate(
         parts = scene_parts(dataset, scene)
         missing = set()
         for path in (bev_path(out, SOURCE, sample.token) for sample in samples):
-            picture = picture_path(path.parent, titles[path.stem], ".png")
+            picture = picture_path(path.parent, titles[path.stem])
             reason = record.why_remake(path, picture, parts, why_stale)
             if reason is not None:
                 missing.add(path.stem)
@@ -250,6 +250,6 @@ def _process_sample(
     sample, painted = wanted
     bev = compose_map(sample, _read_sources(sources), painted, settings)
     path = bev_path(out, SOURCE, sample.token)
-    write_image(picture_path(path.parent, titles[sample.token], ".png"), preview(bev, EgoVehicle()))
+    write_image(picture_path(path.parent, titles[sample.token]), preview(bev, EgoVehicle()))
     bev.save(path)
     add_record(path.parent, path.stem, parts)

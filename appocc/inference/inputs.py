@@ -14,8 +14,8 @@ from appocc.camera import Camera
 from appocc.checks import ByteArray, FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
-from appocc.files import path_of, plain_name, read_images
-from appocc.files.questions import state_of
+from appocc.files import check_folder, path_of, plain_name, read_images
+from appocc.files.questions import can_list, state_of
 from appocc.frame import Frame
 from appocc.geometry import apply
 from appocc.levelling import ego_from_level, is_level, lowest_points
@@ -101,8 +101,7 @@ def folder_inputs(
         DataError: if there is no such picture.
     """
     folder = path_of(folder)
-    if not folder.is_dir():
-        raise DataError(f"{folder}: no such folder")
+    check_folder(folder)
     folders = [folder, *sorted(path for path in folder.iterdir() if path.is_dir())]
     found = [path for path in folders if _images(path, rig)]
     if folder in found:
@@ -177,6 +176,14 @@ def _folder_parts(folder: Path, rig: SourceRig) -> Parts:
     lenses = [] if rig.is_pinhole else [rig.as_json()]
     vehicle = [] if rig.ego_vehicle == EgoVehicle() else [asdict(rig.ego_vehicle)]
     return {"pictures": digest(files), "calibration": digest([*cameras, *lenses, *vehicle])}
+
+
+def holds_images(folder: Path) -> bool:
+    """Return whether a folder has images, or the first folder in it."""
+    if not folder.is_dir() or not can_list(folder):
+        return False
+    inner = sorted(path for path in folder.iterdir() if path.is_dir())[:1]
+    return any(path.suffix.lower() in _ENDINGS for place in (folder, *inner) for path in place.iterdir())
 
 
 def _images(folder: Path, rig: SourceRig) -> dict[str, Path]:

@@ -138,7 +138,7 @@ class InferenceRun:
         unread: list[InferenceInput] = []  # with kept maps, which the memory does not have yet
         for each in inputs:
             path = self._out / f"{each.token}.npz"
-            picture = picture_path(self._out, each.title, ".jpg") if self._pictures else None
+            picture = picture_path(self._out, each.title) if self._pictures else None
             own = {**each.parts(), "appocc's rules": str(MAP_RULES)}
             parts = {**own, "earlier frames": earlier} if earlier else own
             if self._predictor.has_memory:

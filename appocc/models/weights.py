@@ -16,6 +16,7 @@ from appocc.grid import BEVGrid
 from appocc.models.base import BEVModel
 from appocc.models.model_spec import MODEL_SPECS, ModelSpec, Parts
 from appocc.models.registry import NETWORKS, build
+from appocc.models.shipped import shipped_weights
 from appocc.typing import PathLike
 
 VERSION = "1"
@@ -144,7 +145,7 @@ def _read(path: PathLike) -> tuple[dict[str, str], dict[str, Tensor]]:
     """Read the model card and the tensors of a file."""
     path = path_of(path)
     if not path.is_file():
-        raise DataError(f"{path}: no such file of weights")
+        raise DataError(f"{path}: no such file of weights (shipped are {', '.join(sorted(shipped_weights()))})")
     try:
         with safe_open(local_copy(path), framework="pt") as file:
             entries = file.metadata() or {}

@@ -9,7 +9,7 @@ import numpy as np
 
 from appocc.checks import IntArray
 from appocc.errors import DataError, NotFoundError
-from appocc.files.questions import can_list
+from appocc.files.questions import can_list, check_folder
 from appocc.nuscenes.schema import EXTRA_TABLES, LABEL_TABLES, OPTIONAL_TABLES, TABLES
 from appocc.nuscenes.table import RowGroups, Table, empty_table, read_table, take_rows
 
@@ -23,8 +23,7 @@ def find_version(root: Path, version: str | None) -> str:
     Raises:
         DataError: if there is none, or there are several and `version` is None.
     """
-    if not root.is_dir():
-        raise DataError(f"{root}: no such folder")
+    check_folder(root)
     if can_list(root):
         found = sorted(path.parent.name for path in root.glob("*/sample_data.json"))
     else:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from appocc.errors import DataError
+from appocc.files import check_folder
 from appocc.nuscenes.writer import Writer, whole_folder
 from appocc.pandaset.convert import VERSION, convert
 from appocc.pandaset.pickles import read_pickles
@@ -23,8 +24,7 @@ def read_recordings(source: Path, lidar: Path | None, trust_pickles: bool) -> li
         DataError: if there is no recording, or it has pickles that are not trusted.
     """
     for folder in [source] if lidar is None else [source, lidar]:
-        if not folder.is_dir():
-            raise DataError(f"{folder}: no such folder")
+        check_folder(folder)
     if not trust_pickles:
         if not (source / "frames.json").is_file():
             raise DataError(

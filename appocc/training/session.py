@@ -63,6 +63,7 @@ def prepare_training(config: Config, processes: ProcessGroup, monitor: TrainingM
     model = registry.build(
         config.network, setting, appearance=config.appearance, num_classes=kinds, parts=Parts.of(config.parts)
     )
+    check_roots(config)
     if config.init is not None:
         load_weights_into(model, PACKAGED if config.init == "packaged" else find_weights(config.init))
     train_data = [_packed_dataset(root, config, processes, monitor) for root in config.data.train_roots]
@@ -82,6 +83,19 @@ def prepare_training(config: Config, processes: ProcessGroup, monitor: TrainingM
     train_loader = BatchLoader(train_data, batch, seed, _augmentation(config.augment), rank, size, clip)
     val_loader = BatchLoader(val_data, batch, seed, rank=rank, world_size=size, clip=clip)
     return TrainingSetup(model, train_loader, val_loader, save_weights)
+
+
+def check_roots(config: Config) -> None:
+    """Check that the datasets of a configuration exist; those of the shipped ones are examples.
+
+    Raises:
+        DataError: if one does not; the message names its key.
+    """
+    for key, roots in (("data.train", config.data.train_roots), ("data.val", (config.data.val,))):
+        for root in roots:
+            if root is not None and not path_of(root).is_dir():
+                without = "" if key == "data.train" else ", or none: data.val=null data.held_out=1"
+                raise DataError(f"{key}: {root}: no such folder; name a dataset of yours: {key}=ROOT{without}")
 
 
 def _check_memory(batch: int, setting: ModelSpec) -> None:

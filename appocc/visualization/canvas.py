@@ -19,6 +19,13 @@ WHITE, BLACK, GREEN, YELLOW, RED = (255, 255, 255), (0, 0, 0), (60, 200, 90), (2
 UNKNOWN_COLOUR, HATCH_COLOUR = (58, 62, 72), (92, 98, 112)
 _HATCH_PX, _HATCH_LINE_PX = 12, 2
 UNKNOWN_LEGEND = "hatched: unknown"
+# What a panel shows of a map, and its caption; the last line is for all panels.
+PANELS = {
+    "appearance": "colour from above, ahead is up",
+    "occupancy": "road grey, line markings yellow, vehicles blue, else black",
+}
+PANEL_LEGEND = f"{UNKNOWN_LEGEND}; green: our own car"
+_CAPTION_PX, _CAPTION_SCALE = 26, 0.5
 # Background of predicted colours, which are the fainter the less sure the network is that the cell is of any class.
 _NOTHING_COLOUR = (38, 41, 48)
 _EMPTY = 20
@@ -146,6 +153,14 @@ def put_text(
         cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, ink, 1, cv2.LINE_AA)
 
 
+def caption(text: str, width: int) -> ByteArray:
+    """Return a line of text as a picture (26, width, 3), black on white; a long one is written smaller."""
+    line = np.full((_CAPTION_PX, width, 3), 255, np.uint8)
+    (needed, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, _CAPTION_SCALE, 1)
+    put_text(line, text, (2, _CAPTION_PX - 8), BLACK, _CAPTION_SCALE * min(1.0, (width - 4) / needed))
+    return line
+
+
 # Edges of a box by the corner numbers of `Boxes.corners`; the last two mark the front.
 _EDGES = [
     (0, 1),
@@ -201,10 +216,10 @@ def _in_front(a: FloatArray, b: FloatArray, near_m: float = 0.2) -> FloatArray |
 def preview(bev: BEVMap, ego: EgoVehicle, scale: int = 4) -> ByteArray:
     """Return a preview of a map: appearance and occupancy side by side, forward up, captioned."""
     panels = []
-    for title in ("appearance", "occupancy"):
+    for what, title in PANELS.items():
         canvas = BEVCanvas(bev.grid, scale)
-        getattr(canvas, title)(bev)
+        getattr(canvas, what)(bev)
         canvas.ego(ego)
-        put_text(canvas.picture, f"{title} ({UNKNOWN_LEGEND})", (8, 18))
+        put_text(canvas.picture, f"{title}; {PANEL_LEGEND}", (8, 18))
         panels.append(canvas.picture)
     return np.ascontiguousarray(np.hstack(panels))

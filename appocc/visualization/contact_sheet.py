@@ -10,8 +10,7 @@ from appocc.errors import DataError
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Scene
 from appocc.visualization.cameras import camera_sheet
-from appocc.visualization.canvas import UNKNOWN_LEGEND, BEVCanvas, put_text
-from appocc.visualization.predictions import PANELS
+from appocc.visualization.canvas import PANEL_LEGEND, PANELS, BEVCanvas, put_text
 
 _CAMERAS_PX, _BEV_SCALE, _MAX_ROWS, _GAP_PX = 1650, 2, 24, 8
 
@@ -40,12 +39,12 @@ def _row(dataset: Dataset, scene: Scene, source: str) -> ByteArray:
     put_text(cameras, f"{scene.name}: {scene.description}", (6, cameras.shape[0] - 6), scale=0.5)
     bev = load_map(dataset.root, source, sample.token)
     maps = []
-    for title in PANELS:
+    for what, title in PANELS.items():
         canvas = BEVCanvas(bev.grid, _BEV_SCALE)
-        getattr(canvas, title)(bev)
+        getattr(canvas, what)(bev)
         canvas.ego(frame.rig.ego_vehicle)
-        put_text(canvas.picture, PANELS[title], (6, 16))
-        put_text(canvas.picture, UNKNOWN_LEGEND, (6, canvas.picture.shape[0] - 6))
+        put_text(canvas.picture, title, (6, 16))
+        put_text(canvas.picture, PANEL_LEGEND, (6, canvas.picture.shape[0] - 6))
         maps.append(canvas.picture)
     height = max(cameras.shape[0], *(picture.shape[0] for picture in maps))
     parts = [

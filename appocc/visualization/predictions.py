@@ -12,17 +12,21 @@ from appocc.ego_vehicle import EgoVehicle
 from appocc.frame import Frame
 from appocc.geometry import footprints
 from appocc.visualization.cameras import camera_sheet
-from appocc.visualization.canvas import BLACK, UNKNOWN_LEGEND, WHITE, BEVCanvas, put_text
+from appocc.visualization.canvas import PANEL_LEGEND, PANELS, WHITE, BEVCanvas, caption
 from appocc.visualization.labels import LabelPlacer
 from appocc.visualization.layout import side_by_side, stack_centred
 from appocc.visualization.vehicle_marks import VehicleMarks
 
+<<<<<<< HEAD
 # What a panel shows of a map, and its caption.
 PANELS = {
     "appearance": "colour from above, ahead is up",
     "occupancy": "road grey, line markings yellow, vehicles blue",
 }
 _CELL_PX, _GAP_PX, _MIN_WIDTH_PX, _CAPTION_PX, _AWAY_PX = 4, 8, 1200, 26, 14
+=======
+_SCALE, _GAP_PX, _MIN_WIDTH_PX, _AWAY_PX = 4, 8, 1200, 14
+>>>>>>> hour
 
 
 def prediction_figure(frame: Frame, bev: BEVMap, vehicles: VehicleMarks) -> ByteArray:
@@ -60,10 +64,11 @@ def map_panel(
             canvas.line([corners[[0, 3]].mean(axis=0), corners.mean(axis=0)], WHITE, 1)
     canvas.ego(ego)
     _label(canvas, vehicles, corners_m)
-    caption = np.full((_CAPTION_PX, canvas.picture.shape[1], 3), 255, np.uint8)
-    faint = "; faint: unsure" if what == "appearance" and bev.thresholds is not None else ""
-    put_text(caption, f"{title}{PANELS[what]}; {UNKNOWN_LEGEND}{faint}", (2, _CAPTION_PX - 8), BLACK, 0.5)
-    return np.vstack([caption, canvas.picture])
+    text = f"{title}{PANELS[what]}; {PANEL_LEGEND}"
+    if what == "appearance":
+        text += "; faint: unsure" if bev.thresholds is not None else ""
+        text += "; numbers: metres ahead" if len(corners_m) else ""
+    return np.vstack([caption(text, canvas.picture.shape[1]), canvas.picture])
 
 
 def _label(canvas: BEVCanvas, vehicles: VehicleMarks, corners_m: FloatArray) -> None:

@@ -13,12 +13,13 @@ from appocc.checks import ByteArray, FloatArray
 from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.visualization.cameras import camera_rows
-from appocc.visualization.canvas import GREEN, RED, YELLOW, Colour, put_text
+from appocc.visualization.canvas import GREEN, RED, YELLOW, Colour, caption, put_text
 from appocc.visualization.layout import resized, side_by_side, stack_centred
 
 STEP_M, REACH_M = 5, 40
 _GRID, _HORIZON = (120, 190, 235), YELLOW
 _HEIGHT_PX, _FAR_M = 320, 1e6
+_LEGEND = f"red: x axis, ahead; green: y axis, to the left; yellow: horizon; on the ground, a line every {STEP_M} m"
 # Minimum distance of labels (columns, rows).
 _APART_PX = (60, 15)
 
@@ -60,7 +61,7 @@ def camera_angles(camera: Camera) -> CameraAngles:
 def rig_sheet(frame: Frame) -> ByteArray:
     """Return all images of a frame with the ground grid, (H, W, 3) RGB, arranged as the cameras around the car.
 
-    Grid lines every 5 m up to 40 m; the x axis is red, the y axis green, the horizon yellow.
+    Grid lines every 5 m up to 40 m; the x axis is red, the y axis green, the horizon yellow. Below, a legend.
 
     Raises:
         DataError: if the frame has no images.
@@ -69,7 +70,8 @@ def rig_sheet(frame: Frame) -> ByteArray:
     if not len(rig):
         raise DataError(f"{frame.token}: expected images, got none")
     rows = [[_panel(frame.images[camera.channel], camera) for camera in row] for row in camera_rows(rig)]
-    return stack_centred([side_by_side(row) for row in rows])
+    sheet = stack_centred([side_by_side(row) for row in rows])
+    return np.vstack([sheet, caption(_LEGEND, sheet.shape[1])])
 
 
 def _panel(image: ByteArray, camera: Camera) -> ByteArray:

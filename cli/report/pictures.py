@@ -13,8 +13,9 @@ from appocc.boxes import Boxes
 from appocc.checks import ByteArray
 from appocc.evaluation.bev import FrameScore
 from appocc.nuscenes import Dataset
+from appocc.visualization.canvas import PANELS
 from appocc.visualization.layout import resized
-from appocc.visualization.predictions import PANELS, figure_below_cameras, map_panel
+from appocc.visualization.predictions import figure_below_cameras, map_panel
 from appocc.visualization.vehicle_marks import VehicleMarks
 from cli.infer import vehicle_marks
 from cli.report.content import ReportContent

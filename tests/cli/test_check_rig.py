@@ -23,10 +23,11 @@ def test_a_frame_of_a_scene(tiny: TinyDataset, tmp_path: Path) -> None:
     assert result.exit_code == 0, result.stderr
     value = json.loads(result.stdout)
     assert value["picture"] == str(out)
+    assert result.stderr.splitlines()[-1] == f"{out}: scene-tiny-0002"
     assert value["cameras"]["CAM_FRONT"]["yaw_deg"] == pytest.approx(0, abs=1e-6)
     assert abs(value["cameras"]["CAM_BACK"]["yaw_deg"]) == pytest.approx(180)
     assert value["cameras"]["CAM_BACK"]["height_m"] == pytest.approx(1.6)
-    assert read_image(out).shape[0] == 640  # a row ahead, a row behind
+    assert read_image(out).shape[0] == 640 + 26  # a row ahead, a row behind, the legend
 
 
 def test_images_with_a_rig(tmp_path: Path) -> None:
@@ -35,7 +36,7 @@ def test_images_with_a_rig(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.stderr
     assert "CAM_FRONT: yaw +0.0, pitch +0.0, roll +0.0 deg" in result.stderr
     assert "CAM_BACK: left out (no image)" in result.stderr
-    assert read_image(tmp_path / "rig.png").shape == (320, 880, 3)
+    assert read_image(tmp_path / "rig.png").shape == (320 + 26, 880, 3)
 
 
 def test_a_wide_lens_with_pictures_of_another_size(tmp_path: Path) -> None:
@@ -49,7 +50,7 @@ def test_a_wide_lens_with_pictures_of_another_size(tmp_path: Path) -> None:
     lines = result.stderr.splitlines()
     assert lines[0] == "nose: expected 320x240 pixels, as size_px of its rig says, got 640x480; pictures are scaled"
     assert [line.partition(":")[0] for line in lines[1:3]] == ["CAM_NOSE_1", "CAM_NOSE_2"]
-    assert read_image(tmp_path / "rig.png").shape[0] == 320
+    assert read_image(tmp_path / "rig.png").shape[0] == 320 + 26
 
 
 def test_missing_inputs(tiny: TinyDataset, tmp_path: Path) -> None:

@@ -34,6 +34,21 @@ def made_sources(root: Path, *names: str) -> Path:
     return root
 
 
+def test_a_dataset_without_scenes_has_none_to_name(tiny: TinyDataset) -> None:
+    for name in ("scene", "sample", "sample_data", "sample_annotation", "instance"):
+        tiny.tables[name] = []
+    with pytest.raises(DataError, match=r": no scenes$"):
+        choose_scene(Dataset(tiny.write()), None)
+
+
+def test_a_source_that_is_chosen_among_several_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    root = made_sources(tmp_path, "groundtruth")
+    choose_source(root, None)
+    assert capsys.readouterr().err == ""
+    choose_source(made_sources(root, "exact", "mine"), None)
+    assert capsys.readouterr().err == "maps of groundtruth; there are also exact, mine (--bev)\n"
+
+
 def test_the_only_source_is_taken_else_groundtruth_else_one_must_be_named(tmp_path: Path) -> None:
     assert choose_source(made_sources(tmp_path / "a", "mine"), None) == "mine"
     assert choose_source(made_sources(tmp_path / "b", "mine", "groundtruth"), None) == "groundtruth"

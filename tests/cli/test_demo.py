@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 from pathlib import Path
 
@@ -43,6 +44,12 @@ def test_the_demo_writes_pictures_and_explains_them(made: tuple[Path, Result]) -
     for name in ("bev.png", "tracks.png", *PICTURES):
         assert read_image(out / name).std() > 20, "a picture shows something"
     assert text in result.stderr
+    within, whole = (
+        [int(number) for number in re.findall(r"(?:road|vehicle|lane) (\d+)", part)]
+        for part in text.split("IoU within 20 m: ")[1].split("colours off")[0].split("whole map: ")
+    )
+    assert len(within) == len(whole) == 3
+    assert sum(within) > sum(whole)
     assert result.stderr.splitlines()[-1] == f"To look around in the browser: appocc serve '{out}'"
 
 

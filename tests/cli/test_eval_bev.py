@@ -13,6 +13,7 @@ from typer.testing import CliRunner, Result
 from appocc.bevmap import ROAD, VEHICLE, BEVMap, bev_path, load_map
 from appocc.errors import DataError
 from appocc.grid import BEVGrid
+from cli.bev_tables import show_evaluation
 from cli.main import app
 
 GRID = BEVGrid(-16.0, 16.0, -16.0, 16.0, 0.4)
@@ -139,8 +140,44 @@ def test_tables_go_to_stderr(street: TinyDataset) -> None:
     assert result.exit_code == 0
     assert result.stdout == ""
     assert "model against groundtruth, setting 360: 3 samples of 1 scenes" in result.stderr
-    assert "visibility v80-100" in result.stderr
+    assert "visible 80-100 %" in result.stderr
     assert "unseen" in result.stderr
+    assert "95 %" not in result.stderr  # one scene has no interval
+
+
+def test_tables_fit_a_terminal_of_80_columns(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    classes = ("road", "vehicle", "lane")
+    part: dict[str, Any] = {
+        "iou": dict.fromkeys(classes, 1.0),
+        "iou_at_threshold": dict.fromkeys(classes, 1.0),
+        "appearance_l1": 100.0,
+        "appearance_l1_by_class": dict.fromkeys(classes, 100.0),
+        "appearance_psnr": 10.0,
+    }
+    row = {"from": 0.9, "to": 1.0, "cells": 7, "observed_share": 1.0}
+    shares = dict.fromkeys(("detected_share", "cells_found"), 1.0)
+    medians = dict.fromkeys(("ciede2000_median", "ciede2000_median_detected"), 100.0)
+    part["vehicles"] = {"count": 100_000, "appearance_l1": 100.0, **shares, **medians}
+    draws: dict[str, Any] = dict.fromkeys((*medians, "appearance_l1"), (100.0, 120.0))
+    draws["appearance_l1_by_class"] = dict.fromkeys(classes, (100.0, 120.0))
+    draws["iou"] = draws["iou_at_threshold"] = dict.fromkeys(classes, (0.5, 1.0))
+    show_evaluation(
+        {
+            **{"source": "model", "against": "exact", "setting": "360", "range_m": 20.0, "samples": 9, "scenes": 3},
+            **part,
+            **{"by_range": {"10-20 m": part}, "by_sight": {"unseen": part}, "by_weather": {"overcast": part}},
+            **{"thresholds": THRESHOLDS, "confidence": draws, "by_visibility": {"v80-100": part["vehicles"]}},
+            "calibration": {name: {"table": [row], "ece": 0.5} for name in classes},
+        }
+    )
+    printed = capsys.readouterr().err
+    assert "…" not in printed
+    assert max(map(len, printed.splitlines())) <= 80
+    for text in ("at 0.40", "50..100", "visible 80-100 %", "100..120"):
+        assert text in printed
 
 
 def test_missing_maps_are_reported_in_one_line(street: TinyDataset) -> None:

@@ -82,6 +82,7 @@ def test_for_people_everything_goes_to_stderr(street: TinyDataset) -> None:
     result = run(street.root, "--bev", "model", "--range", "30")
     assert (result.exit_code, result.stdout) == (0, "")
     assert "model: 3 samples of 1 scenes, within 30 m" in result.stderr
+    assert max(map(len, result.stderr.splitlines())) <= 80
     for words in ("pedestrian", "NDS", "CIEDE2000", "within 20 m"):
         assert words in result.stderr
 

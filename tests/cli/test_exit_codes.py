@@ -29,7 +29,11 @@ MOT = ["track", "--fps", "25", "--out", "{root}/out", "--mot"]
 TRACKS = ["eval", "tracks", "--gt", "{root}/none.json", "--tracks", "{root}/tracks.json"]
 CASES = [
     (["doctor", "{root}/none"], "no such folder"),
-    (["groundtruth", "{root}/v1.0-tiny/scene.json"], "no such folder"),
+    (["groundtruth", "{root}/v1.0-tiny/scene.json"], "scene.json: expected a folder, got a file"),
+    (
+        ["ground", "{root}", "stop behind the car", "--frame", "0"],
+        "expected TEXT, then ROOT, got the folder {root} first",
+    ),
     (["groundtruth", "{root}", "--scene", "other"], "no scene 'other'"),
     (["groundtruth", "{root}", "--out", "{root}/v1.0-tiny/scene.json"], "cannot be written"),
     (["track", "{root}", "--scene", "scene-tiny", "--bev", "model"], "no BEV map"),

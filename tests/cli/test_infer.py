@@ -108,9 +108,12 @@ def test_detections_need_weights_with_objects_and_a_dataset(tiny: TinyDataset, t
 
 
 def test_bad_input_is_reported_in_one_line_of_infer(tiny: TinyDataset, tmp_path: Path) -> None:
+    write_image(tmp_path / "DRIVE" / "0001" / "front.png", np.full((36, 64, 3), 90, np.uint8))
     cases = [
         ((tiny.root,), "no weights come with this version"),
         ((tmp_path, "--weights", "w"), "no nuScenes-schema dataset"),
+        ((tmp_path / "DRIVE", "--weights", "w"), "images without the tables of a dataset; name their rig: --rig"),
+        ((tmp_path / "DRIVE", "--weights", "w", "--device", "gpu"), "that torch can use, got 'gpu'"),
         ((tiny.root, "--weights", "w", "--scene", "x"), "no scene 'x'"),
         ((tiny.root, "--weights", "w", "--rig", "none.yaml"), "no rig of this name"),
         ((tiny.root, "--weights", "w", "--rig", "paper"), "expected images named by the cameras of the rig"),

@@ -114,3 +114,13 @@ def test_a_place_behind_a_vehicle_is_hidden_by_it() -> None:
     hidden = draw_answer(answer, replace(seen, boxes_ego=street.boxes()))[:, 800:]
     clear = draw_answer(replace(answer, scene=Street().grounder().ground("stop").scene), seen)[:, 800:]
     assert cyan_pixels(clear) > 3 * cyan_pixels(hidden)
+
+
+def test_the_caption_is_as_high_as_its_reasons() -> None:
+    heights = set()
+    for text in ("stop behind the nearest blue car ahead", "stop behind the pink bus", "tell me a joke"):
+        answer = GROUNDER.ground(text)
+        rows = draw_answer(answer).shape[0] - 800
+        assert rows == 72 + 22 * min(len(answer.reasons), 6)
+        heights.add(rows)
+    assert len(heights) > 1

@@ -80,7 +80,7 @@ def maps(dataset: Dataset, out: Path) -> list[BEVMap]:
 
 
 def picture_of(dataset: Dataset, path: Path) -> Path:
-    return path.parent / "pictures" / f"{dataset.titles(dataset.scenes[0])[path.stem]}.png"
+    return path.parent / "pictures" / f"{dataset.titles(dataset.scenes[0])[path.stem]}.jpg"
 
 
 # What is in the maps ------------------------------------------------------------------------------------------------
@@ -89,7 +89,7 @@ def picture_of(dataset: Dataset, path: Path) -> Path:
 def test_a_map_and_a_preview_per_sample(dataset: Dataset, made: Path) -> None:
     (scene,) = dataset.scenes
     files = {f"bev/groundtruth/{sample.token}.npz" for sample in dataset.samples(scene)}
-    pictures = [f"bev/groundtruth/pictures/{scene.name}-000{number}.png" for number in range(3)]
+    pictures = [f"bev/groundtruth/pictures/{scene.name}-000{number}.jpg" for number in range(3)]
     assert set(digests(made)) == {*files, *pictures, "bev/groundtruth/inputs.jsonl"}
     for sample, bev in zip(dataset.samples(dataset.scenes[0]), maps(dataset, made), strict=True):
         assert bev.grid == SETTINGS.grid
@@ -214,7 +214,7 @@ def whole(out: Path) -> int:
     for name in found:
         assert not Path(name).name.startswith(".")
         BEVMap.load(out / name)
-    assert len([name for name in names if name.endswith(".png")]) >= len(found)
+    assert len([name for name in names if name.endswith(".jpg")]) >= len(found)
     assert all(not Path(name).name.startswith(".") for name in names)
     return len(found)
 

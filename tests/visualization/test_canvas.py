@@ -217,3 +217,14 @@ def test_any_text_can_be_written(text: str) -> None:
     picture = np.zeros((30, 60, 3), np.uint8)
     d.put_text(picture, text, (2, 20))
     assert picture.any() == bool(text)
+
+
+def test_a_long_caption_is_written_smaller_and_whole() -> None:
+    short, long = (d.caption("M" * n, 400) for n in (10, 60))
+    assert short.shape == long.shape == (26, 400, 3)
+    inked = np.flatnonzero((long < 100).any(axis=(0, 2)))
+    assert 340 < inked.max() < 399
+    gaps = np.diff(inked)
+    assert gaps.max() < 8  # evenly written up to its end
+    heights = [np.ptp(np.flatnonzero((one < 100).any(axis=(1, 2)))) for one in (short, long)]
+    assert heights[1] < heights[0]

@@ -35,7 +35,7 @@ def pixels(picture: ByteArray, colour: tuple[int, int, int]) -> FloatArray:
 
 def test_axes_and_horizon_of_a_camera_that_looks_ahead() -> None:
     picture = sheet_of(level("CAM_FRONT", 0))
-    assert picture.shape == (320, 640, 3)
+    assert picture.shape == (320 + 26, 640, 3)  # with the legend
     horizon = pixels(picture, YELLOW)
     assert len(horizon) > 500
     assert horizon[:, 0].mean() == pytest.approx(100, abs=0.5)
@@ -53,7 +53,7 @@ def test_the_left_camera_sees_the_y_axis() -> None:
 
 def test_cameras_stand_as_they_look_out_of_the_car() -> None:
     picture = sheet_of(level("CAM_BACK", 180), level("CAM_FRONT", 0), level("CAM_FRONT_LEFT", 60))
-    assert picture.shape == (640, 1280, 3)
+    assert picture.shape == (640 + 26, 1280, 3)
     red = pixels(picture, RED)
     # Front left has no x axis in sight; front and back have theirs in the middle of their panels, back below both.
     assert set((red // [320, 640]).astype(int).sum(axis=1)[(red[:, 0] < 320)].tolist()) == {1}
