@@ -117,15 +117,14 @@ def measure(
     step_s: float,
     count: IntArray,
     median: FloatArray,
-    noise_m2: FloatArray,
     xy_m: FloatArray,
     values: FloatArray,
     steady: BoolArray,
 ) -> None:
-    """Write positions (M, 2) and attributes (M, 9) of matched detections; take the surplus off `noise_m2` (M, 2, 2).
+    """Write positions (M, 2) and attributes (M, 9) of matched detections, and which of them are `steady` (M,).
 
-    A truncated vehicle is at least as large as its visible part, and as the `median` (N, 9) of its track. `steady`
-    (M,) are whole detections of tracks with a known velocity, after a `count` (N,) of them, that went straight on.
+    A truncated vehicle is at least as large as its visible part, and as the `median` (N, 9) of its track. Steady are
+    whole detections of tracks with a known velocity, after a `count` (N,) of them, that went straight on.
     """
     for m in range(len(rows)):
         seen, n = found[columns[m]], rows[m]
@@ -133,8 +132,6 @@ def measure(
         steady[m] &= count[n] >= _STEADY_DETECTIONS
         for i in range(2):
             xy_m[m, i] = seen.position_world_m[i]
-            for j in range(2):
-                noise_m2[m, i, j] -= seen.surplus_noise_m2[i, j]
         for k in range(3):
             values[m, SIZE.start + k], values[m, RGB.start + k] = seen.size_m[k], seen.rgb[k]
             values[m, LAB.start + k] = seen.lab[k]

@@ -244,7 +244,7 @@ class TrackTable:
             rows: (M,) track indices.
             found: all detections of the frame, `DETECTION`.
             columns: (M,) detection indices.
-            noise_m2: (M, 2, 2) covariances of the positions; the surplus is taken off in place.
+            noise_m2: (M, 2, 2) covariances of the positions.
             turn_rad: (M,) turns since the last detection; 0 for straight motion.
         """
         state, medians = self.state, self._medians
@@ -253,8 +253,8 @@ class TrackTable:
             self.filters.turn(rows[turns], turn_rad[turns], state["moved_s"][rows[turns]])
         xy_m, values = np.empty((len(rows), 2)), np.empty((len(rows), LAB.stop))
         steady = np.empty(len(rows), np.bool_)
-        measured = noise_m2, xy_m, values, steady
-        measure(state, found, rows, columns, turn_rad, self._step_s, medians.count, medians.median, *measured)
+        known = medians.count, medians.median
+        measure(state, found, rows, columns, turn_rad, self._step_s, *known, xy_m, values, steady)
         self._classes.learn_noise(
             found,
             columns,
@@ -262,7 +262,7 @@ class TrackTable:
             self.filters.cov.take(rows, axis=0),
             steady,
         )
-        self.filters.update(rows, xy_m, noise_m2)
+        self.filters.update(rows, xy_m, noise_m2 - found["surplus_noise_m2"].take(columns, axis=0))
         medians.update(rows, values)
         state["moving"] = self.filters.is_moving()
         state["stationary"][rows] = self.filters.is_stationary(self._config.stationary_mps)[rows]

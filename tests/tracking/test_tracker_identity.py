@@ -142,7 +142,7 @@ def test_stationary_tracks_keep_their_position_while_hidden() -> None:
             followed.add(sight, np.zeros(1, np.int64), np.ones(1, np.int64))
             continue
         followed.predict(0.1)
-        followed.update(np.zeros(1, np.int64), sight, np.zeros(1, np.int64), sight["noise_m2"].copy(), np.zeros(1))
+        followed.update(np.zeros(1, np.int64), sight, np.zeros(1, np.int64), sight["noise_m2"], np.zeros(1))
     assert followed.state["stationary"].all()
     for _ in range(3):
         followed.predict(1.0)

@@ -60,8 +60,5 @@ class MatchingCascade:
         best = best[solve_assignment(pairs.rows[best], pairs.columns[best], pairs.cost[best])]
         rows, columns = pairs.rows[best], pairs.columns[best]
         self.unmatched_tracks[rows] = self.unmatched_detections[columns] = False
-        self.detection[rows], self.turn_rad[rows], self.noise_m2[rows] = (
-            columns,
-            pairs.turn_rad[best],
-            pairs.noise_m2[best],
-        )
+        self.detection[rows], self.turn_rad[rows] = columns, pairs.turn_rad[best]
+        self.noise_m2[rows] = pairs.noise_m2[best]
