@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, field, fields
 
 import numpy as np
@@ -104,16 +104,15 @@ class ClassTable:
         """Names by number."""
         return tuple(self._numbers)
 
-    def numbers(self, kinds: Iterable[str]) -> IntArray:
+    def numbers(self, kinds: Sequence[str]) -> IntArray:
         """Return the numbers (N,) of N categories; new ones get the next."""
-        known = len(self._numbers)
-        result = np.array([self._numbers.setdefault(kind, len(self._numbers)) for kind in kinds], dtype=np.int64)
-        for kind in self.names[known:]:
+        for kind in [kind for kind in dict.fromkeys(kinds) if kind not in self._numbers]:
+            self._numbers[kind] = len(self._numbers)
             model = self._models.get(kind, self._default)
             new = np.array([(*astuple(model.motion), *astuple(model)[1:])], CLASS_PARAMETERS)
             self.models = append(self.models, new)
             self._set_noise(np.pad(self._noise, ((0, 0), (0, 0), (0, 1))))
-        return result
+        return np.array([self._numbers[kind] for kind in kinds], dtype=np.int64)
 
     def noise_level(self, log_odds: FloatArray) -> IntArray:
         """Return the intervals (N,) of log-odds (N,), each of which has a learnt noise of its own."""

@@ -320,7 +320,7 @@ class TrackTable:
             size_m=median[:, SIZE],
             rgb=median[:, RGB],
             score=self.score.compress(mask),
-            kind=tuple(kinds[index] for index in state["kind"].tolist()),
+            kind=tuple([kinds[index] for index in state["kind"].tolist()]),
             detection=state["detection"],
             moving=state["moving"],
             velocity_known=state["moving"] | state["stationary"],
