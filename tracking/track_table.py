@@ -61,7 +61,7 @@ class LifecycleConfig:
     confirm_first_log_odds: float = np.inf
     confirm_s: float = 0.0
     coast_s: float = 1.2
-    coast_std_m: float = 1.2
+    coast_std_m: float = 2.5
     coast_chance: float = 0.4
     lost_s: float = 1.2
     forget_s: float = 8.0

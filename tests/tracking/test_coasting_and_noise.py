@@ -70,6 +70,10 @@ def test_hidden_tracks_coast_for_themselves() -> None:
     assert sorted(round(float(track.position_world_m[0])) for track in last if not track.seen) == [25, 25, 25]
 
 
+def test_a_car_that_was_detected_once_is_predicted_over_a_few_misses() -> None:
+    assert [len(tracks) for tracks in follow(lambda i: seen([(10, 0)] if i == 0 else NOWHERE), 5)] == [1, 1, 1, 1, 0]
+
+
 def test_the_box_of_a_hidden_car_is_less_exact() -> None:
     table = ClassTable(CLASS_MODELS, ClassModel())
     both = detections_in_world(seen([(10, 0), (20, 0)]), np.eye(4), table, np.array([0.0, 1.0]))
