@@ -165,8 +165,8 @@ class Tracker:
                     pairs = self._colours.add_cost(pairs)
                 cascade.match(pairs, tracks, candidates)
         (rows,) = (~cascade.unmatched_tracks).nonzero()
-        columns = cascade.detection[rows]
-        table.update(rows, found, columns, cascade.noise_m2[rows], cascade.turn_rad[rows])
+        columns, noise_m2 = cascade.detection.take(rows), cascade.noise_m2.take(rows, axis=0)
+        table.update(rows, found, columns, noise_m2, cascade.turn_rad.take(rows))
         return cascade.unmatched_detections
 
     def _start_tracks(self, columns: IntArray, found: Records) -> None:

@@ -43,7 +43,9 @@ class MatchingCascade:
         radius_m = config.gate_radius_m(self._tracks["unseen_s"].take(rows)) * self._tracks["gate_scale"].take(rows)
         track_xy_m = self._tracks["xy_m"].take(rows, axis=0)
         i, j = find_neighbours(track_xy_m, self._detections["position_world_m"].take(columns, axis=0), radius_m)
-        return gate_pairs(self._tracks, self._detections, rows[i], columns[j], config) if len(i) else NO_PAIRS
+        return (
+            gate_pairs(self._tracks, self._detections, rows.take(i), columns.take(j), config) if len(i) else NO_PAIRS
+        )
 
     def match(self, pairs: CandidatePairs, tracks: BoolArray, detections: BoolArray) -> None:
         """Match unmatched tracks and detections in masks (N,), (M,) at the minimum total cost.
@@ -52,13 +54,13 @@ class MatchingCascade:
         """
         if not len(pairs.rows):
             return
-        useful = (tracks & self.unmatched_tracks)[pairs.rows] & (pairs.cost < 0)
-        useful &= (detections & self.unmatched_detections)[pairs.columns]
+        useful = (tracks & self.unmatched_tracks).take(pairs.rows) & (pairs.cost < 0)
+        useful &= (detections & self.unmatched_detections).take(pairs.columns)
         (best,) = useful.nonzero()
         if not len(best):
             return
-        best = best[solve_assignment(pairs.rows[best], pairs.columns[best], pairs.cost[best])]
-        rows, columns = pairs.rows[best], pairs.columns[best]
+        best = best.compress(solve_assignment(pairs.rows.take(best), pairs.columns.take(best), pairs.cost.take(best)))
+        rows, columns = pairs.rows.take(best), pairs.columns.take(best)
         self.unmatched_tracks[rows] = self.unmatched_detections[columns] = False
-        self.detection[rows], self.turn_rad[rows] = columns, pairs.turn_rad[best]
-        self.noise_m2[rows] = pairs.noise_m2[best]
+        self.detection[rows], self.turn_rad[rows] = columns, pairs.turn_rad.take(best)
+        self.noise_m2[rows] = pairs.noise_m2.take(best, axis=0)
