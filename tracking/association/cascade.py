@@ -43,9 +43,9 @@ class MatchingCascade:
         radius_m = config.gate_radius_m(self._tracks["unseen_s"].take(rows)) * self._tracks["gate_scale"].take(rows)
         track_xy_m = self._tracks["xy_m"].take(rows, axis=0)
         i, j = find_neighbours(track_xy_m, self._detections["position_world_m"].take(columns, axis=0), radius_m)
-        return (
-            gate_pairs(self._tracks, self._detections, rows.take(i), columns.take(j), config) if len(i) else NO_PAIRS
-        )
+        if not len(i):
+            return NO_PAIRS
+        return gate_pairs(self._tracks, self._detections, rows.take(i), columns.take(j), config)
 
     def match(self, pairs: CandidatePairs, tracks: BoolArray, detections: BoolArray) -> None:
         """Match unmatched tracks and detections in masks (N,), (M,) at the minimum total cost.
