@@ -29,6 +29,7 @@ from benchmarks.made_boxes import make_scene
 from tracking.class_models import ClassModel, ClassTable
 from tracking.evaluation.kitti import MAX_OCCLUSION
 from tracking.io.kitti import KittiSequence, read_sequences
+from tracking.records import Records
 from tracking.tracker import Tracker
 
 NEAR_M, LARGEST_NIS = 1.5, 9.0
@@ -44,18 +45,13 @@ class _Recorder(ClassTable):
         tracker._classes = tracker._table._classes = self
 
     def learn_noise(
-        self,
-        kind: IntArray,
-        log_odds: FloatArray,
-        innovation_m: FloatArray,
-        cov: FloatArray,
-        noise_m2: FloatArray,
-        use: BoolArray,
+        self, found: Records, columns: IntArray, innovation_m: FloatArray, cov: FloatArray, use: BoolArray
     ) -> None:
         """Remember the NIS, then learn."""
+        noise_m2 = (found["noise_m2"] - found["surplus_noise_m2"])[columns]
         weighted = np.linalg.solve(cov[:, :2, :2] + noise_m2, innovation_m[..., None])[..., 0]
         self.nis += (weighted * innovation_m).sum(axis=1)[use].tolist()
-        super().learn_noise(kind, log_odds, innovation_m, cov, noise_m2, use)
+        super().learn_noise(found, columns, innovation_m, cov, use)
 
 
 def measure_kitti(sequences: Sequence[KittiSequence]) -> tuple[FloatArray, FloatArray]:

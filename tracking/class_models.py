@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import astuple, dataclass, field
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass, field, fields
 
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
 from tracking.compiled import compiled
 from tracking.filtering.kalman import MotionConfig
+from tracking.records import Records, append
 
 # Weight of the configured measurement noise in detections, and the number of detections of a category after which
 # earlier ones are forgotten.
@@ -79,32 +79,23 @@ CLASS_MODELS: Mapping[str, ClassModel] = {
 }
 
 
-class ClassParameters(NamedTuple):
-    """Models of N objects as arrays (N,); the names are those of `MotionConfig` and `ClassModel`."""
-
-    along_speed_std_mps: FloatArray
-    across_speed_std_mps: FloatArray
-    along_accel_psd_m2ps3: FloatArray
-    across_accel_psd_m2ps3: FloatArray
-    heading_psd_rad2ps: FloatArray
-    along_std_m: FloatArray
-    across_std_m: FloatArray
-    truncated_std_m: FloatArray
-    stationary_psd: FloatArray
-    gate_scale: FloatArray
-    heading_weight: FloatArray
-    prior_log_odds: FloatArray
-    prior_weight: FloatArray
+# The fields of `MotionConfig` and of `ClassModel` as a record.
+CLASS_PARAMETERS = np.dtype([(each.name, np.float64) for each in (*fields(MotionConfig), *fields(ClassModel)[1:])])
 
 
 class ClassTable:
-    """Categories seen so far, numbered from 0, with their models and the noise learnt for them."""
+    """Categories seen so far, numbered from 0, with their models and the noise learnt for them.
+
+    Attributes:
+        models: parameters by number, `CLASS_PARAMETERS`.
+        noise_factors: (levels, K) learnt factors on the variances of positions, by score and number.
+    """
 
     def __init__(self, models: Mapping[str, ClassModel], default: ClassModel) -> None:
         """Start with no categories; those without a model get the default one."""
         self._models, self._default = models, default
         self._numbers: dict[str, int] = {}
-        self._table = np.zeros((len(ClassParameters._fields), 0))
+        self.models: Records = np.zeros(0, CLASS_PARAMETERS)
         # Sum of squared noise in units of the configured variance, and number of detections, by score and category.
         self._set_noise(np.zeros((2, len(_NOISE_EDGES) + 1, 0)))
 
@@ -113,55 +104,43 @@ class ClassTable:
         """Names by number."""
         return tuple(self._numbers)
 
-    def numbers(self, kinds: Iterable[str]) -> IntArray:
+    def numbers(self, kinds: Sequence[str]) -> IntArray:
         """Return the numbers (N,) of N categories; new ones get the next."""
-        known = len(self._numbers)
-        result = np.array([self._numbers.setdefault(kind, len(self._numbers)) for kind in kinds], dtype=np.int64)
-        for kind in self.names[known:]:
+        for kind in [kind for kind in dict.fromkeys(kinds) if kind not in self._numbers]:
+            self._numbers[kind] = len(self._numbers)
             model = self._models.get(kind, self._default)
-            self._table = np.column_stack([self._table, [*astuple(model.motion), *astuple(model)[1:]]])
+            new = np.array([(*astuple(model.motion), *astuple(model)[1:])], CLASS_PARAMETERS)
+            self.models = append(self.models, new)
             self._set_noise(np.pad(self._noise, ((0, 0), (0, 0), (0, 1))))
-        return result
+        return np.array([self._numbers[kind] for kind in kinds], dtype=np.int64)
 
-    def parameters(self, kind: IntArray) -> ClassParameters:
-        """Return the parameters of objects with category numbers (N,)."""
-        return ClassParameters._make(self._table.take(kind, axis=1))
-
-    def noise_factor(self, kind: IntArray, log_odds: FloatArray) -> FloatArray:
-        """Return the learnt factors (N,) on the variances of positions, for categories and log-odds (N,)."""
-        return np.asarray(self._factors[_NOISE_EDGES.searchsorted(log_odds), kind])
+    def noise_level(self, log_odds: FloatArray) -> IntArray:
+        """Return the intervals (N,) of log-odds (N,), each of which has a learnt noise of its own."""
+        return np.asarray(_NOISE_EDGES.searchsorted(log_odds))
 
     def _set_noise(self, noise: FloatArray) -> None:
         """Set the learnt noise, and the factors by score and category that follow from it."""
-        self._noise, self._factors = noise, np.empty(noise.shape[1:])
-        _forget_and_derive(self._noise, self._factors)
+        self._noise, self.noise_factors = noise, np.empty(noise.shape[1:])
+        _forget_and_derive(self._noise, self.noise_factors)
 
     def learn_noise(
-        self,
-        kind: IntArray,
-        log_odds: FloatArray,
-        innovation_m: FloatArray,
-        cov: FloatArray,
-        noise_m2: FloatArray,
-        use: BoolArray,
+        self, found: Records, columns: IntArray, innovation_m: FloatArray, cov: FloatArray, use: BoolArray
     ) -> None:
         """Learn the measurement noise from innovations: one step of expectation maximisation.
 
         The expected squared noise of a detection, given its innovation, is e' S^-1 R S^-1 e + tr(R - R S^-1 R) in
-        units of R (Shumway and Stoffer 1982, eq. 14), with S = P + R.
+        units of R (Shumway and Stoffer 1982, eq. 14), with S = P + R. R has the current factor.
 
         Args:
-            kind: (N,) category numbers.
-            log_odds: (N,) log-odds of the detections.
-            innovation_m: (N, 2) differences between detections and predictions.
-            cov: (N, K, K) covariances of the predictions, first of their positions: P.
-            noise_m2: (N, 2, 2) covariances R of the detections, with the current factor.
-            use: (N,) which to learn from.
+            found: detections, `DETECTION`.
+            columns: (M,) indices of the detections to learn from.
+            innovation_m: (M, 2) differences between detections and predictions.
+            cov: (M, K, K) covariances of the predictions, first of their positions: P.
+            use: (M,) which of them to learn from.
         """
-        if len(kind):
-            level = _NOISE_EDGES.searchsorted(log_odds)
-            _learn(self._noise, self._factors, kind, level, innovation_m, cov, noise_m2, use)
-            _forget_and_derive(self._noise, self._factors)
+        if len(columns):
+            _learn(self._noise, self.noise_factors, found, columns, innovation_m, cov, use)
+            _forget_and_derive(self._noise, self.noise_factors)
 
 
 @compiled
@@ -186,25 +165,27 @@ def _forget_and_derive(noise: FloatArray, factors: FloatArray) -> None:
 def _learn(
     noise: FloatArray,
     factors: FloatArray,
-    kind: IntArray,
-    level: IntArray,
+    found: Records,
+    columns: IntArray,
     innovation_m: FloatArray,
     cov: FloatArray,
-    noise_m2: FloatArray,
     use: BoolArray,
 ) -> None:
     """Add squared noises, in units of the configured variance, and their numbers to `noise` (2, levels, kinds)."""
-    for n in range(len(kind)):
-        if not use[n]:
+    for k in range(len(columns)):
+        if not use[k]:
             continue
-        rxx, rxy, ryy = noise_m2[n, 0, 0], noise_m2[n, 0, 1], noise_m2[n, 1, 1]
-        sxx, sxy, syy = cov[n, 0, 0] + rxx, cov[n, 0, 1] + rxy, cov[n, 1, 1] + ryy
+        seen = found[columns[k]]
+        rxx = seen.noise_m2[0, 0] - seen.surplus_noise_m2[0, 0]
+        rxy = seen.noise_m2[0, 1] - seen.surplus_noise_m2[0, 1]
+        ryy = seen.noise_m2[1, 1] - seen.surplus_noise_m2[1, 1]
+        sxx, sxy, syy = cov[k, 0, 0] + rxx, cov[k, 0, 1] + rxy, cov[k, 1, 1] + ryy
         determinant = sxx * syy - sxy * sxy
-        x, y = innovation_m[n]
+        x, y = innovation_m[k]
         weighted_x, weighted_y = (x * syy - y * sxy) / determinant, (y * sxx - x * sxy) / determinant
         chi2 = weighted_x * x + weighted_y * y
         explained = weighted_x**2 * rxx + 2 * weighted_x * weighted_y * rxy + weighted_y**2 * ryy
         explained *= min(1.0, _MAX_INNOVATION_CHI2 / max(chi2, _MAX_INNOVATION_CHI2))
         trace = (syy * rxx - 2 * sxy * rxy + sxx * ryy) / determinant
-        noise[0, level[n], kind[n]] += (explained + 2 - trace) / 2 * factors[level[n], kind[n]]
-        noise[1, level[n], kind[n]] += 1.0
+        noise[0, seen.noise_level, seen.kind] += (explained + 2 - trace) / 2 * factors[seen.noise_level, seen.kind]
+        noise[1, seen.noise_level, seen.kind] += 1.0

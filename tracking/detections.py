@@ -196,7 +196,8 @@ class Detections:
             (N,) detections that are kept, and (N,) log-odds of being an object of the category.
         """
         log_odds, kept = self.log_odds.copy(), np.ones(len(self), dtype=np.bool_)
-        for better, worse in zip(*(side.tolist() for side in self.duplicates()), strict=True):
+        pairs = self.duplicates()
+        for better, worse in zip(pairs[0].tolist(), pairs[1].tolist(), strict=True):
             if not (kept[better] and kept[worse]):
                 continue
             if self.kind[better] == self.kind[worse]:

@@ -43,7 +43,7 @@ class RangeImage:
 @compiled
 def _draw(range_m: FloatArray, xy_m: FloatArray, yaw_rad: FloatArray, size_m: FloatArray, solid: BoolArray) -> None:
     """Write the distances of the nearest boxes to `range_m` (B,)."""
-    per_rad = len(range_m) / (2 * np.pi)
+    per_rad = _BEARINGS / (2 * np.pi)
     for m in range(len(yaw_rad)):
         if not solid[m]:
             continue
@@ -51,18 +51,18 @@ def _draw(range_m: FloatArray, xy_m: FloatArray, yaw_rad: FloatArray, size_m: Fl
         ahead, aside = abs(np.cos(yaw_rad[m] - bearing)), abs(np.sin(yaw_rad[m] - bearing))
         half = np.arctan2((ahead * size_m[m, 0] + aside * size_m[m, 1]) / 2, distance_m)
         for k in range(round((bearing - half) * per_rad), round((bearing + half) * per_rad)):
-            range_m[k % len(range_m)] = min(range_m[k % len(range_m)], distance_m)
+            range_m[k % _BEARINGS] = min(range_m[k % _BEARINGS], distance_m)
 
 
 @compiled
 def _measure(range_m: FloatArray, xy_m: FloatArray, size_m: FloatArray, share: FloatArray) -> None:
     """See `RangeImage.hidden`; written to `share` (N,)."""
-    per_rad = len(range_m) / (2 * np.pi)
+    per_rad = _BEARINGS / (2 * np.pi)
     for n in range(len(share)):
         bearing, distance_m = np.arctan2(xy_m[n, 1], xy_m[n, 0]), np.hypot(xy_m[n, 0], xy_m[n, 1])
         half = np.arctan2(size_m[n, 0] / 2, distance_m)
         first, end = round((bearing - half) * per_rad), round((bearing + half) * per_rad)
         count = 0
         for k in range(first, end):
-            count += range_m[k % len(range_m)] <= distance_m - _BEHIND_M
+            count += range_m[k % _BEARINGS] <= distance_m - _BEHIND_M
         share[n] = count / max(end - first, 1)

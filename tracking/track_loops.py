@@ -1,14 +1,18 @@
-"""Compiled loops over the tracks of a table."""
+"""Compiled loops over the tracks of a table.
+
+Arguments: `state` are N records of `TRACK`, changed in place, `models` the parameters of the categories by number,
+`found` records of `DETECTION`, and `rows` and `columns` (M,) the indices of matched tracks and their detections.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
-from tracking.class_models import ClassParameters
 from tracking.compiled import compiled
+from tracking.records import LAB, RGB, SIZE, Records
 
 # Weight, in detections, of the configured colour spread against the spread over all tracks.
 _LAB_STD_WEIGHT = 10.0
@@ -21,70 +25,10 @@ _HIDDEN = 0.3
 _MOST_MISSED = 40
 # Prior rate of returns in a frame, and its weight in frames.
 _RETURN_RATE, _RETURN_WEIGHT = 0.2, 4.0
+# Number of detections after which a track's velocity is known.
+_STEADY_DETECTIONS = 5
 # Variance of a median relative to that of a mean: pi / 2 for large Gaussian samples, plus an allowance for lighting.
 _MEDIAN_VARIANCE = 2.0
-
-
-class TrackState(NamedTuple):
-    """State of N tracks but for their filters and medians; written into, never replaced.
-
-    Attributes:
-        id: (N,) track ids.
-        kind: (N,) category indices.
-        detection: (N,) index of the detection matched in this frame; -1 if none.
-        confirmed: (N,) whether the track is confirmed.
-        lost: (N,) whether the track was lost before this frame.
-        stationary: (N,) whether the track is stationary.
-        moving: (N,) whether the velocity differs from zero.
-        yaw_rad: (N,) headings in the world frame.
-        unseen_s: (N,) time since the last detection.
-        missed_s: (N,) the same without the time in blind spots.
-        moved_s: (N,) the same without the time a stationary track keeps its position.
-        tracked_s: (N,) time from the first to the last detection.
-        ground_m: (N,) heights of the ground.
-        front_votes: (N,) evidence for the end that is taken as front.
-        hidden: (N,) share that nearer boxes hid in the last frame with a miss.
-        axis: (2, N) smoothed vectors at twice the heading.
-        detected: (2, N) sum and weight of the evidence of detections.
-        with_misses: (2, N) the same with misses.
-    """
-
-    id: IntArray
-    kind: IntArray
-    detection: IntArray
-    confirmed: BoolArray
-    lost: BoolArray
-    stationary: BoolArray
-    moving: BoolArray
-    yaw_rad: FloatArray
-    unseen_s: FloatArray
-    missed_s: FloatArray
-    moved_s: FloatArray
-    tracked_s: FloatArray
-    ground_m: FloatArray
-    front_votes: FloatArray
-    hidden: FloatArray
-    axis: FloatArray
-    detected: FloatArray
-    with_misses: FloatArray
-
-
-class MatchedDetections(NamedTuple):
-    """M detections and their tracks, see `WorldDetections`.
-
-    Attributes:
-        rows: (M,) track indices.
-        detection: (M,) detection indices.
-    """
-
-    rows: IntArray
-    detection: IntArray
-    position_world_m: FloatArray
-    yaw_world_rad: FloatArray
-    heading_known: BoolArray
-    axis: FloatArray
-    log_odds: FloatArray
-    evidence: FloatArray
 
 
 def prior_returns() -> FloatArray:
@@ -96,8 +40,8 @@ def prior_returns() -> FloatArray:
 
 @compiled
 def advance(
-    state: TrackState,
-    model: ClassParameters,
+    state: Records,
+    models: Records,
     mean: FloatArray,
     seconds: float,
     lost_s: float,
@@ -109,28 +53,99 @@ def advance(
     The times for which they move (N,), and the spectral densities (N, 2, 2) of their acceleration, see
     `acceleration_psd`, are written to the last arguments.
     """
-    for n in range(len(mean)):
-        state.lost[n] = state.unseen_s[n] > lost_s
-        moving_s[n] = 0.0 if state.stationary[n] and state.unseen_s[n] > 0 else seconds
-        calm = model.stationary_psd[n] if state.stationary[n] else 1.0
-        along = calm * model.along_accel_psd_m2ps3[n]
-        across = calm * model.across_accel_psd_m2ps3[n]
-        across += model.heading_psd_rad2ps[n] * (mean[n, 2] ** 2 + mean[n, 3] ** 2)
-        cos, sin = np.cos(state.yaw_rad[n]), np.sin(state.yaw_rad[n])
+    for n in range(len(state)):
+        track, model = state[n], models[state[n].kind]
+        track.lost = track.unseen_s > lost_s
+        moving_s[n] = 0.0 if track.stationary and track.unseen_s > 0 else seconds
+        calm = model.stationary_psd if track.stationary else 1.0
+        along, across = calm * model.along_accel_psd_m2ps3, calm * model.across_accel_psd_m2ps3
+        across += model.heading_psd_rad2ps * (mean[n, 2] ** 2 + mean[n, 3] ** 2)
+        cos, sin = np.cos(track.yaw_rad), np.sin(track.yaw_rad)
         psd_m2ps3[n, 0, 0] = across + (along - across) * cos * cos
         psd_m2ps3[n, 1, 1] = across + (along - across) * sin * sin
         psd_m2ps3[n, 0, 1] = psd_m2ps3[n, 1, 0] = (along - across) * cos * sin
-        state.moved_s[n] += moving_s[n]
-        state.unseen_s[n] += seconds
-        state.missed_s[n] += seconds
-        state.detection[n] = -1
+        track.moved_s += moving_s[n]
+        track.unseen_s += seconds
+        track.missed_s += seconds
+        track.detection = -1
+
+
+@compiled
+def write_predictions(
+    predictions: Records,
+    state: Records,
+    models: Records,
+    mean: FloatArray,
+    cov: FloatArray,
+    median: FloatArray,
+    squared_deviation: FloatArray,
+    known: FloatArray,
+    lab_std: FloatArray,
+    lab_prior_weight: float,
+) -> None:
+    """Write `predictions` (N,) of tracks with filters (N, 4), (N, 4, 4) and statistics of their attributes (N, 9)."""
+    for n in range(len(state)):
+        track, model, prediction = state[n], models[state[n].kind], predictions[n]
+        prediction.kind, prediction.yaw_rad, prediction.unseen_s = track.kind, track.yaw_rad, track.unseen_s
+        prediction.gate_scale, prediction.heading_weight = model.gate_scale, model.heading_weight
+        for i in range(2):
+            prediction.xy_m[i], prediction.size_m[i] = mean[n, i], median[n, i]
+            prediction.displacement_m[i] = mean[n, i + 2] * track.moved_s
+            for j in range(2):
+                prediction.cov_m2[i, j] = cov[n, i, j]
+    # The variance of the next detection's colour about the median is shrunk to that of all tracks. This is empirical
+    # Bayes: the prior is the variance pooled over all tracks.
+    for i in range(3):
+        k = LAB.start + i
+        total, count = lab_std[i] ** 2 * _LAB_STD_WEIGHT, _LAB_STD_WEIGHT
+        for n in range(len(state)):
+            total += squared_deviation[n, k]
+            count += max(known[n, k], 1.0) - 1
+        for n in range(len(state)):
+            own = (total / count * lab_prior_weight + squared_deviation[n, k]) / (lab_prior_weight + known[n, k])
+            predictions[n].lab_variance[i] = own * (1 + _MEDIAN_VARIANCE / max(known[n, k], 1.0))
+            predictions[n].lab[i] = median[n, k]
+
+
+@compiled
+def measure(
+    state: Records,
+    found: Records,
+    rows: IntArray,
+    columns: IntArray,
+    turn_rad: FloatArray,
+    step_s: float,
+    count: IntArray,
+    median: FloatArray,
+    xy_m: FloatArray,
+    values: FloatArray,
+    steady: BoolArray,
+) -> None:
+    """Write positions (M, 2) and attributes (M, 9) of matched detections, and which of them are `steady` (M,).
+
+    A truncated vehicle is at least as large as its visible part, and as the `median` (N, 9) of its track. Steady are
+    whole detections of tracks with a known velocity, after a `count` (N,) of them, that went straight on.
+    """
+    for m in range(len(rows)):
+        seen, n = found[columns[m]], rows[m]
+        steady[m] = turn_rad[m] == 0 and not seen.truncated and state[n].unseen_s <= 2 * step_s
+        steady[m] &= count[n] >= _STEADY_DETECTIONS
+        for i in range(2):
+            xy_m[m, i] = seen.position_world_m[i]
+        for k in range(3):
+            values[m, SIZE.start + k], values[m, RGB.start + k] = seen.size_m[k], seen.rgb[k]
+            values[m, LAB.start + k] = seen.lab[k]
+            if seen.truncated and (median[n, k] > seen.size_m[k] or np.isnan(seen.size_m[k])):
+                values[m, k] = median[n, k]
 
 
 @compiled
 def follow(
-    state: TrackState,
-    model: ClassParameters,
-    found: MatchedDetections,
+    state: Records,
+    models: Records,
+    found: Records,
+    rows: IntArray,
+    columns: IntArray,
     mean: FloatArray,
     returns: FloatArray,
     step_s: float,
@@ -145,8 +160,10 @@ def follow(
 
     Args:
         state: changed in place.
-        model: class parameters of the tracks.
-        found: M detections and their tracks.
+        models: parameters of the categories.
+        found: detections.
+        rows: (M,) track indices.
+        columns: (M,) detection indices.
         mean: (N, 4) states of the filters.
         returns: see `prior_returns`; changed in place.
         step_s: frame interval.
@@ -157,74 +174,81 @@ def follow(
         heading_smoothing_s: see `LifecycleConfig`.
         front_from_motion_mps: see `LifecycleConfig`.
     """
-    for m, n in enumerate(found.rows):
-        state.detection[n], state.ground_m[n] = found.detection[m], found.position_world_m[m, 2]
-        seconds = state.unseen_s[n]
-        _learn_return(state, model, returns, n, step_s, 1.0)
-        state.tracked_s[n] += seconds
-        state.unseen_s[n] = state.missed_s[n] = state.moved_s[n] = 0.0
-        _add_evidence(state.detected, n, decay, weight, found.evidence[m])
-        _add_evidence(state.with_misses, n, decay, weight, found.evidence[m])
-        if found.log_odds[m] >= confirm_log_odds or state.tracked_s[n] >= confirm_s:
-            state.confirmed[n] = True
+    for m, n in enumerate(rows):
+        track, seen = state[n], found[columns[m]]
+        track.detection, track.ground_m = columns[m], seen.position_world_m[2]
+        seconds = track.unseen_s
+        _learn_return(track, models, returns, step_s, 1.0)
+        track.tracked_s += seconds
+        track.unseen_s = track.missed_s = track.moved_s = 0.0
+        _add_evidence(track.detected, decay, weight, seen.evidence)
+        _add_evidence(track.with_misses, decay, weight, seen.evidence)
+        if seen.log_odds >= confirm_log_odds or track.tracked_s >= confirm_s:
+            track.confirmed = True
 
         # The axis is smoothed as a vector at twice its angle; then the front is voted on.
         keep = np.exp(-seconds / heading_smoothing_s)
         for k in range(2):
-            state.axis[k, n] = keep * state.axis[k, n] + (1 - keep) * found.axis[m, k]
-        yaw = np.arctan2(state.axis[1, n], state.axis[0, n]) / 2
-        if np.cos(yaw - state.yaw_rad[n]) < 0:
+            track.axis[k] = keep * track.axis[k] + (1 - keep) * seen.axis[k]
+        yaw = np.arctan2(track.axis[1], track.axis[0]) / 2
+        if np.cos(yaw - track.yaw_rad) < 0:
             yaw += np.pi
-        votes = state.front_votes[n] + found.heading_known[m] * np.cos(found.yaw_world_rad[m] - yaw)
-        drives = state.moving[n] and np.hypot(mean[n, 2], mean[n, 3]) >= front_from_motion_mps
+        votes = track.front_votes + seen.heading_known * np.cos(seen.yaw_world_rad - yaw)
+        drives = track.moving and np.hypot(mean[n, 2], mean[n, 3]) >= front_from_motion_mps
         forward = mean[n, 2] * np.cos(yaw) + mean[n, 3] * np.sin(yaw) if drives else votes
         if forward < 0:
             yaw += np.pi
-        state.yaw_rad[n] = (yaw + np.pi) % (2 * np.pi) - np.pi
+        track.yaw_rad = (yaw + np.pi) % (2 * np.pi) - np.pi
         # Motion counts as one vote at least; the votes now refer to the end chosen as front.
-        state.front_votes[n] = max(abs(votes), 1.0 * drives)
+        track.front_votes = max(abs(votes), 1.0 * drives)
 
 
 @compiled
-def _add_evidence(evidence: FloatArray, track: int, decay: float, weight: float, log_odds: float) -> None:
-    """Add one frame to the sum and the weight of the evidence (2, N) of a track."""
-    evidence[0, track] = decay * evidence[0, track] + weight * log_odds
-    evidence[1, track] = decay * evidence[1, track] + weight
+def _add_evidence(evidence: FloatArray, decay: float, weight: float, log_odds: float) -> None:
+    """Add one frame to the sum and the weight of the evidence (2,) of a track."""
+    evidence[0] = decay * evidence[0] + weight * log_odds
+    evidence[1] = decay * evidence[1] + weight
 
 
 @compiled
-def _log_odds(state: TrackState, model: ClassParameters, track: int) -> float:
-    """Return the mean evidence of the detections of a track, with the prior."""
-    prior = model.prior_log_odds[track] * model.prior_weight[track]
-    mean: float = (state.detected[0, track] + prior) / (state.detected[1, track] + model.prior_weight[track])
+def _mean_log_odds(evidence: FloatArray, model: Any) -> float:
+    """Return the mean evidence, of its sum and weight (2,), with the prior of the category."""
+    prior = model.prior_log_odds * model.prior_weight
+    mean: float = (evidence[0] + prior) / (evidence[1] + model.prior_weight)
     return mean
 
 
 @compiled
-def _group(state: TrackState, model: ClassParameters, track: int) -> int:
-    """Return the group of tracks with the same chance to return: by level of score, visible or hidden."""
-    log_odds, group = _log_odds(state, model, track), 0
-    for limit in _LEVELS:
-        group += log_odds > limit
-    return 2 * group + 1 if state.hidden[track] > _HIDDEN else 2 * group
+def score_tracks(state: Records, models: Records, log_odds: FloatArray, with_misses: FloatArray) -> None:
+    """Write the log-odds (N,) of tracks, by their detections alone and with misses."""
+    for n in range(len(state)):
+        log_odds[n] = _mean_log_odds(state[n].detected, models[state[n].kind])
+        with_misses[n] = _mean_log_odds(state[n].with_misses, models[state[n].kind])
 
 
 @compiled
-def _learn_return(
-    state: TrackState, model: ClassParameters, returns: FloatArray, track: int, step_s: float, returned: float
-) -> None:
+def _group(track: Any, models: Records) -> int:
+    """Return the group of tracks with the same chance to return: by level of score, visible or hidden."""
+    log_odds, group = _mean_log_odds(track.detected, models[track.kind]), 0
+    for limit in _LEVELS:
+        group += log_odds > limit
+    return 2 * group + 1 if track.hidden > _HIDDEN else 2 * group
+
+
+@compiled
+def _learn_return(track: Any, models: Records, returns: FloatArray, step_s: float, returned: float) -> None:
     """Learn from a frame in which a confirmed track could return after missed frames."""
-    missed = int(state.unseen_s[track] / step_s + 0.5) - 1  # before this frame
-    if state.confirmed[track] and 0 < missed <= _MOST_MISSED:
-        group = _group(state, model, track)
+    missed = int(track.unseen_s / step_s + 0.5) - 1  # before this frame
+    if track.confirmed and 0 < missed <= _MOST_MISSED:
+        group = _group(track, models)
         returns[0, group, missed] += returned
         returns[1, group, missed] += 1.0
 
 
 @compiled
 def count_misses(
-    state: TrackState,
-    model: ClassParameters,
+    state: Records,
+    models: Records,
     blind: BoolArray,
     hidden: FloatArray,
     returns: FloatArray,
@@ -239,22 +263,24 @@ def count_misses(
     expired: BoolArray,
 ) -> None:
     """Count a time step as a miss of unmatched tracks, see `TrackTable.count_misses`; `expired` (N,) is written."""
-    for n in range(len(blind)):
-        if state.detection[n] < 0 and blind[n]:
-            state.missed_s[n] = max(state.missed_s[n] - seconds, 0.0)
-        elif state.detection[n] < 0:
-            _add_evidence(state.with_misses, n, decay, weight, miss_log_odds)
-            _learn_return(state, model, returns, n, step_s, 0.0)
-            state.hidden[n] = hidden[n]
-        remembered_s = forget_stationary_s if state.stationary[n] else forget_s
-        missed_for_s = (remembered_s if _log_odds(state, model, n) > 0 else lost_s) if state.confirmed[n] else 0.0
-        expired[n] = state.missed_s[n] > missed_for_s or state.unseen_s[n] > remembered_s
+    for n in range(len(state)):
+        track = state[n]
+        if track.detection < 0 and blind[n]:
+            track.missed_s = max(track.missed_s - seconds, 0.0)
+        elif track.detection < 0:
+            _add_evidence(track.with_misses, decay, weight, miss_log_odds)
+            _learn_return(track, models, returns, step_s, 0.0)
+            track.hidden = hidden[n]
+        remembered_s = forget_stationary_s if track.stationary else forget_s
+        likely = _mean_log_odds(track.detected, models[track.kind]) > 0
+        missed_for_s = (remembered_s if likely else lost_s) if track.confirmed else 0.0
+        expired[n] = track.missed_s > missed_for_s or track.unseen_s > remembered_s
 
 
 @compiled
 def find_reportable(
-    state: TrackState,
-    model: ClassParameters,
+    state: Records,
+    models: Records,
     std_m: FloatArray,
     returns: FloatArray,
     step_s: float,
@@ -265,11 +291,12 @@ def find_reportable(
     reported: BoolArray,
 ) -> None:
     """See `TrackTable.reportable`, with deviations of positions (N,); written to `reported` (N,)."""
-    for n in range(len(reported)):
-        reported[n] = state.confirmed[n] and state.unseen_s[n] == 0
-        if state.confirmed[n] and 0 < state.unseen_s[n] <= coast_s and std_m[n] <= coast_std_m:
-            group = _group(state, model, n)
-            reported[n] = _chance_to_return(returns, group, state.unseen_s[n], step_s, lost_s) >= coast_chance
+    for n in range(len(state)):
+        track = state[n]
+        reported[n] = track.confirmed and track.unseen_s == 0
+        if track.confirmed and 0 < track.unseen_s <= coast_s and std_m[n] <= coast_std_m:
+            chance = _chance_to_return(returns, _group(track, models), track.unseen_s, step_s, lost_s)
+            reported[n] = chance >= coast_chance
 
 
 @compiled
@@ -283,28 +310,3 @@ def _chance_to_return(returns: FloatArray, group: int, unseen_s: float, step_s: 
     for missed in range(max(int(unseen_s / step_s + 0.5), 1), last + 1):
         stays_away *= 1.0 - returns[0, group, missed] / returns[1, group, missed]
     return 1.0 - stays_away
-
-
-@compiled
-def shrunk_variance(
-    deviation: FloatArray, known: FloatArray, prior_std: FloatArray, prior_weight: float, variance: FloatArray
-) -> None:
-    """Compute the variance (N, 3) of the next detection's colour about the median, shrunk to that of all tracks.
-
-    This is empirical Bayes: the prior is the variance pooled over all tracks.
-
-    Args:
-        deviation: (N, 3) sums of squared deviations from the median.
-        known: (N, 3) numbers of known values.
-        prior_std: standard deviations of the prior on the pooled variance.
-        prior_weight: weight of the pooled variance, in detections.
-        variance: (N, 3) the result.
-    """
-    for k in range(3):
-        total, count = prior_std[k] ** 2 * _LAB_STD_WEIGHT, _LAB_STD_WEIGHT
-        for n in range(len(deviation)):
-            total += deviation[n, k]
-            count += max(known[n, k], 1.0) - 1
-        for n in range(len(deviation)):
-            own = (total / count * prior_weight + deviation[n, k]) / (prior_weight + known[n, k])
-            variance[n, k] = own * (1 + _MEDIAN_VARIANCE / max(known[n, k], 1.0))

@@ -7,28 +7,25 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
-from tracking.association.costs import TrackFeatures
 from tracking.class_models import ClassTable
 from tracking.detections import probability_from_log_odds
 from tracking.filtering.kalman import KalmanFilters, MotionConfig
 from tracking.filtering.running_median import RunningMedian
+from tracking.records import LAB, PREDICTION, RGB, SIZE, TRACK, Records, append, compress
 from tracking.track_loops import (
-    MatchedDetections,
-    TrackState,
     advance,
     count_misses,
     find_reportable,
     follow,
+    measure,
     prior_returns,
-    shrunk_variance,
+    score_tracks,
+    write_predictions,
 )
 from tracking.tracks import Tracks
-from tracking.world_detections import LAB, RGB, SIZE, WorldDetections
 
 # Frame interval before the second frame: its detections are independent of earlier ones.
 _NO_STEP_S = 1e9
-# Number of detections after which a track's velocity is known.
-_STEADY_DETECTIONS = 5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +61,7 @@ class LifecycleConfig:
     confirm_first_log_odds: float = np.inf
     confirm_s: float = 0.0
     coast_s: float = 1.2
-    coast_std_m: float = 1.2
+    coast_std_m: float = 2.5
     coast_chance: float = 0.4
     lost_s: float = 1.2
     forget_s: float = 8.0
@@ -85,7 +82,7 @@ class TrackTable:
     """N tracks, ordered by id.
 
     Attributes:
-        state: times, headings and evidence.
+        state: times, headings and evidence, N records of `TRACK`.
         filters: N Kalman filters: positions and velocities.
     """
 
@@ -109,22 +106,16 @@ class TrackTable:
         self._set_step(_NO_STEP_S)
         self.filters = KalmanFilters()
         self._medians = RunningMedian(config.median_window, 9)
-        self._set_tables(np.zeros((3, 0), np.int64), np.zeros((4, 0), np.bool_), np.zeros((14, 0)))
-
-    def _set_tables(self, integers: IntArray, flags: BoolArray, floats: FloatArray) -> None:
-        """Replace the state by tables (..., N): few arrays grow and shrink faster than many."""
-        self._tables = integers, flags, floats
-        self.state = TrackState._make([*integers, *flags, *floats[:8], floats[8:10], floats[10:12], floats[12:]])
-        self._models = self._classes.parameters(self.state.kind)
+        self.state: Records = np.zeros(0, TRACK)
 
     def __len__(self) -> int:
         """Number of tracks."""
-        return len(self.state.id)
+        return len(self.state)
 
     @property
     def position_world_m(self) -> FloatArray:
         """(N, 3) positions on the ground."""
-        return np.concatenate([self.filters.mean[:, :2], self.state.ground_m[:, None]], axis=1)
+        return np.concatenate([self.filters.mean[:, :2], self.state["ground_m"][:, None]], axis=1)
 
     @property
     def size_m(self) -> FloatArray:
@@ -137,22 +128,21 @@ class TrackTable:
 
         Later frames count more: the weights decay with `memory_s`.
         """
-        return probability_from_log_odds(self._mean_log_odds(self.state.with_misses))
-
-    @property
-    def log_odds(self) -> FloatArray:
-        """(N,) the same as log-odds, without misses: an occluded object is missed, too, and is remembered."""
-        return self._mean_log_odds(self.state.detected)
-
-    def _mean_log_odds(self, evidence: FloatArray) -> FloatArray:
-        """(N,) weighted mean of evidence (2, N), its sum and weight, and the prior."""
-        model, (total, weight) = self._models, evidence
-        return np.asarray((total + model.prior_log_odds * model.prior_weight) / (weight + model.prior_weight))
+        return probability_from_log_odds(self._log_odds()[1])
 
     @property
     def established(self) -> BoolArray:
-        """(N,) whether a track is confirmed and has positive log-odds."""
-        return np.asarray(self.state.confirmed & (self.log_odds > 0))
+        """(N,) whether a track is confirmed and has positive log-odds by its detections.
+
+        Misses do not count: an occluded object is missed, too, and is remembered.
+        """
+        return np.asarray(self.state["confirmed"] & (self._log_odds()[0] > 0))
+
+    def _log_odds(self) -> FloatArray:
+        """(2, N) log-odds of being an object of the category: by the detections alone, and with misses."""
+        log_odds = np.empty((2, len(self)))
+        score_tracks(self.state, self._classes.models, *log_odds)
+        return log_odds
 
     @property
     def reportable(self) -> BoolArray:
@@ -160,7 +150,7 @@ class TrackTable:
         reported = np.empty(len(self), np.bool_)
         find_reportable(
             self.state,
-            self._models,
+            self._classes.models,
             self.filters.position_std_m(),
             self._returns,
             self._step_s,
@@ -175,7 +165,15 @@ class TrackTable:
         if seconds < self._step_s:
             self._set_step(seconds)
         moving_s, psd_m2ps3 = np.empty(len(self)), np.empty((len(self), 2, 2))
-        advance(self.state, self._models, self.filters.mean, seconds, float(self._config.lost_s), moving_s, psd_m2ps3)
+        advance(
+            self.state,
+            self._classes.models,
+            self.filters.mean,
+            seconds,
+            float(self._config.lost_s),
+            moving_s,
+            psd_m2ps3,
+        )
         self.filters.predict(moving_s, psd_m2ps3)
 
     def _set_step(self, seconds: float) -> None:
@@ -208,7 +206,7 @@ class TrackTable:
         expired = np.empty(len(self), np.bool_)
         count_misses(
             self.state,
-            self._models,
+            self._classes.models,
             blind,
             hidden,
             self._returns,
@@ -221,76 +219,69 @@ class TrackTable:
         )
         return expired
 
-    def features(self) -> TrackFeatures:
-        """Return the predicted features for association."""
-        median, mean, cov, model = self._medians.median, self.filters.mean, self.filters.cov, self._models
-        state = self.state
-        lab_variance = np.empty((len(self), 3))
-        deviation, known = self._medians.squared_deviation[:, LAB].copy(), self._medians.known[:, LAB].copy()
-        shrunk_variance(deviation, known, *self._lab_prior, lab_variance)
-        return TrackFeatures(
-            xy_m=mean[:, :2].copy(),
-            cov_m2=cov[:, :2, :2].copy(),
-            yaw_rad=state.yaw_rad,
-            size_m=median[:, :2].copy(),
-            lab=median[:, LAB].copy(),
-            lab_variance=lab_variance,
-            kind=state.kind,
-            unseen_s=state.unseen_s,
-            displacement_m=mean[:, 2:] * state.moved_s[:, None],
-            gate_scale=model.gate_scale,
-            heading_weight=model.heading_weight,
+    def predictions(self) -> Records:
+        """Return what association needs to know, N records of `PREDICTION`."""
+        predictions, medians = np.empty(len(self), PREDICTION), self._medians
+        write_predictions(
+            predictions,
+            self.state,
+            self._classes.models,
+            self.filters.mean,
+            self.filters.cov,
+            medians.median,
+            medians.squared_deviation,
+            medians.known,
+            *self._lab_prior,
         )
+        return predictions
 
     def update(
-        self, rows: IntArray, found: WorldDetections, detection: IntArray, noise_m2: FloatArray, turn_rad: FloatArray
+        self, rows: IntArray, found: Records, columns: IntArray, noise_m2: FloatArray, turn_rad: FloatArray
     ) -> None:
         """Update tracks with their matched detections.
 
         Args:
             rows: (M,) track indices.
-            found: M detections.
-            detection: (M,) detection indices.
+            found: all detections of the frame, `DETECTION`.
+            columns: (M,) detection indices.
             noise_m2: (M, 2, 2) covariances of the positions.
             turn_rad: (M,) turns since the last detection; 0 for straight motion.
         """
-        state = self.state
+        state, medians = self.state, self._medians
         (turns,) = turn_rad.nonzero()
         if len(turns):
-            self.filters.turn(rows[turns], turn_rad[turns], state.moved_s[rows[turns]])
-        xy_m = found.position_world_m[:, :2].copy()
-        # Noise is learnt from tracks with a known velocity that went straight on.
-        steady = (self._medians.count[rows] >= _STEADY_DETECTIONS) & (state.unseen_s[rows] <= 2 * self._step_s)
+            self.filters.turn(rows[turns], turn_rad[turns], state["moved_s"][rows[turns]])
+        xy_m, values = np.empty((len(rows), 2)), np.empty((len(rows), LAB.stop))
+        steady = np.empty(len(rows), np.bool_)
+        known = medians.count, medians.median
+        measure(state, found, rows, columns, turn_rad, self._step_s, *known, xy_m, values, steady)
         self._classes.learn_noise(
-            found.kind,
-            found.log_odds,
+            found,
+            columns,
             xy_m - self.filters.mean.take(rows, axis=0)[:, :2],
             self.filters.cov.take(rows, axis=0),
-            found.noise_m2 - found.surplus_noise_m2,
-            steady & (turn_rad == 0) & ~found.truncated,
+            steady,
         )
-        self.filters.update(rows, xy_m, noise_m2 - found.surplus_noise_m2)
-        # A truncated vehicle is at least as large as its visible part.
-        values = found.values
-        if found.truncated.any():
-            known_m = np.where(found.truncated[:, None], self._medians.median[rows, SIZE], np.nan)
-            values = np.concatenate([np.fmax(values[:, SIZE], known_m), values[:, SIZE.stop :]], axis=1)
-        self._medians.update(rows, values)
-        state.moving[:] = self.filters.is_moving()
-        state.stationary[rows] = self.filters.is_stationary(self._config.stationary_mps)[rows]
-        self._follow(rows, found, detection)
+        self.filters.update(rows, xy_m, noise_m2 - found["surplus_noise_m2"].take(columns, axis=0))
+        medians.update(rows, values)
+        state["moving"] = self.filters.is_moving()
+        state["stationary"][rows] = self.filters.is_stationary(self._config.stationary_mps)[rows]
+        self._follow(rows, found, columns)
 
-    def add(self, found: WorldDetections, ids: IntArray, detection: IntArray) -> None:
-        """Add a track for each of M detections, with ids and detection indices (M,)."""
-        n, m = len(self), len(ids)
-        xy_m, noise_m2 = found.position_world_m[:, :2], found.noise_m2 - found.surplus_noise_m2
-        self.filters.add(xy_m, noise_m2, found.velocity_world_mps, found.velocity_m2ps2)
-        self._medians.add(found.values)
-        integers, flags, floats = (np.concatenate([t, np.zeros((len(t), m), t.dtype)], axis=1) for t in self._tables)
-        integers[:, n:] = ids, found.kind, detection
-        self._set_tables(integers, flags, floats)
-        self.state.yaw_rad[n:], self.state.axis[:, n:] = found.yaw_world_rad, found.axis.T
-        self._follow(np.arange(n, n + m), found, detection)
+    def add(self, found: Records, columns: IntArray, ids: IntArray) -> None:
+        """Add a track for each of the detections at indices (M,), with ids (M,)."""
+        n, new = len(self), found.take(columns)
+        self.filters.add(
+            new["position_world_m"][:, :2],
+            new["noise_m2"] - new["surplus_noise_m2"],
+            new["velocity_world_mps"],
+            new["velocity_m2ps2"],
+        )
+        self._medians.add(np.concatenate([new["size_m"], new["rgb"], new["lab"]], axis=1))
+        born = np.zeros(len(ids), TRACK)
+        born["id"], born["kind"], born["yaw_rad"], born["axis"] = ids, new["kind"], new["yaw_world_rad"], new["axis"]
+        self.state = append(self.state, born)
+        self._follow(np.arange(n, n + len(ids)), found, columns)
 
     def keep(self, mask: BoolArray) -> None:
         """Keep the tracks of a mask (N,)."""
@@ -298,24 +289,16 @@ class TrackTable:
             return
         self.filters.keep(mask)
         self._medians.keep(mask)
-        self._set_tables(*(table.compress(mask, axis=1) for table in self._tables))
+        self.state = compress(self.state, mask)
 
-    def _follow(self, rows: IntArray, found: WorldDetections, detection: IntArray) -> None:
-        """Update times, evidence and headings of tracks (M,) with M detections and their indices."""
-        matched = MatchedDetections(
-            rows,
-            detection,
-            found.position_world_m,
-            found.yaw_world_rad,
-            found.heading_known,
-            found.axis,
-            found.log_odds,
-            found.evidence,
-        )
+    def _follow(self, rows: IntArray, found: Records, columns: IntArray) -> None:
+        """Update times, evidence and headings of tracks (M,) with the detections at indices (M,)."""
         follow(
             self.state,
-            self._models,
-            matched,
+            self._classes.models,
+            found,
+            rows,
+            columns,
             self.filters.mean,
             self._returns,
             self._step_s,
@@ -326,20 +309,19 @@ class TrackTable:
 
     def tracks(self, mask: BoolArray) -> Tracks:
         """Return the tracks of a mask (N,)."""
-        kinds = self._classes.names
-        (rows,) = mask.nonzero()
-        median, mean = self._medians.median.take(rows, axis=0), self.filters.mean.take(rows, axis=0)
+        kinds, state = self._classes.names, compress(self.state, mask)
+        median, mean = self._medians.median.compress(mask, axis=0), self.filters.mean.compress(mask, axis=0)
         return Tracks(
-            id=self.state.id[rows],
-            position_world_m=self.position_world_m.take(rows, axis=0),
+            id=state["id"],
+            position_world_m=self.position_world_m.compress(mask, axis=0),
             velocity_world_mps=mean[:, 2:],
-            yaw_world_rad=self.state.yaw_rad[rows],
-            heading_known=self.state.front_votes[rows] > 0,
+            yaw_world_rad=state["yaw_rad"],
+            heading_known=state["front_votes"] > 0,
             size_m=median[:, SIZE],
             rgb=median[:, RGB],
-            score=self.score[rows],
-            kind=tuple(kinds[index] for index in self.state.kind[rows].tolist()),
-            detection=self.state.detection[rows],
-            moving=self.state.moving[rows],
-            velocity_known=(self.state.moving | self.state.stationary)[rows],
+            score=self.score.compress(mask),
+            kind=tuple([kinds[index] for index in state["kind"].tolist()]),
+            detection=state["detection"],
+            moving=state["moving"],
+            velocity_known=state["moving"] | state["stationary"],
         )

@@ -16,9 +16,10 @@ from tracking.association.costs import AssociationConfig
 from tracking.class_models import CLASS_MODELS, ClassModel, ClassTable
 from tracking.detections import Detections
 from tracking.range_image import RangeImage
+from tracking.records import Records
 from tracking.track_table import LifecycleConfig, TrackTable
 from tracking.tracks import Tracks
-from tracking.world_detections import WorldDetections, detections_in_world
+from tracking.world_detections import detections_in_world
 
 REMATCH_STAGE = AssociationConfig(gate_speed_mps=20.0, gate_chi2=30.0, max_gate_m=12.0, max_cost=15.0)
 # A detection at the place of a track is the same vehicle, whatever colour it has now.
@@ -100,23 +101,23 @@ class Tracker:
         image = RangeImage(detections.ground_m, detections.yaw_rad, detections.size_m, solid)
         hidden = image.hidden(detections.ground_m, detections.size_m)
         found = detections_in_world(detections, world_from_ego, self._classes, hidden)
-        kept, evidence = detections.resolve_duplicates()
-        found = found._replace(log_odds=np.where(kept, found.log_odds, -np.inf), evidence=evidence)
+        kept, found["evidence"] = detections.resolve_duplicates()
+        found["log_odds"][~kept] = -np.inf
         unmatched = self._associate(found)
         table = self._table
         # In the ego frame; the inverse of a rotation is its transpose.
         xy_ego_m = (table.position_world_m - world_from_ego[:3, 3]) @ world_from_ego[:3, :2]
         # Unmatched tracks outside the field of view are dropped: a vehicle that enters there is a new one.
-        matched = table.state.detection >= 0
+        matched = table.state["detection"] >= 0
         expired = table.count_misses(detections.view.blind(xy_ego_m), image.hidden(xy_ego_m, table.size_m), seconds)
         keep = ~expired & (detections.view.sees(xy_ego_m) | matched)
         table.keep(keep)
         # An unmatched track inside a detection's box belongs to a vehicle that touches the detected one: the track
         # is reported, and the detection starts no new track.
-        (unseen,) = (table.state.confirmed & (table.state.detection < 0) & ~table.state.lost).nonzero()
+        (unseen,) = (table.state["confirmed"] & (table.state["detection"] < 0) & ~table.state["lost"]).nonzero()
         covered, covering = detections.find_containing(xy_ego_m.compress(keep, axis=0).take(unseen, axis=0))
-        new = unmatched & (found.log_odds >= self.config.init_threshold)
-        own = table.state.kind[unseen[covered]] == found.kind[covering]
+        new = unmatched & (found["log_odds"] >= self.config.init_threshold)
+        own = table.state["kind"][unseen[covered]] == found["kind"][covering]
         new[covering[own]] = False
         self._start_tracks(new.nonzero()[0], found)
         reported = table.reportable
@@ -138,25 +139,25 @@ class Tracker:
         self._time_us = timestamp_us
         return seconds
 
-    def _associate(self, found: WorldDetections) -> BoolArray:
+    def _associate(self, found: Records) -> BoolArray:
         """Match detections to tracks in stages, update the matched tracks, and return unmatched detections (M,)."""
         table, config = self._table, self.config
-        features = found.features()
-        high = found.log_odds >= config.high_threshold
-        low = ~high & (found.log_odds >= config.low_threshold)
-        cascade = MatchingCascade(table.features(), features)
-        current = ~table.state.lost
-        pairs = cascade.candidates(current, np.ones_like(high), config.association)
+        high = found["log_odds"] >= config.high_threshold
+        low = ~high & (found["log_odds"] >= config.low_threshold)
+        cascade = MatchingCascade(table.predictions(), found)
+        lost = table.state["lost"]
+        current = ~lost
+        pairs = cascade.candidates(current, np.ones(len(high), np.bool_), config.association)
         self._colours.update(pairs)
         pairs = self._colours.add_cost(pairs)
         cascade.match(pairs, current, high)
-        cascade.match(pairs, table.state.confirmed, low)
+        cascade.match(pairs, table.state["confirmed"], low)
         if (high & cascade.unmatched_detections).any():
-            coloured = high & np.isfinite(features.lab[:, 0]) & (config.colour_outlier_rate < 1)
+            coloured = high & np.isfinite(found["lab"][:, 0]) & (config.colour_outlier_rate < 1)
             for tracks, candidates, stage in (
                 (current, high, config.rematch),
                 (current, high, SAME_PLACE_STAGE),
-                (table.state.lost, high, config.lost),
+                (lost, high, config.lost),
                 (table.established, coloured, config.drifted),
             ):
                 pairs = cascade.candidates(tracks, candidates, stage)
@@ -164,14 +165,14 @@ class Tracker:
                     pairs = self._colours.add_cost(pairs)
                 cascade.match(pairs, tracks, candidates)
         (rows,) = (~cascade.unmatched_tracks).nonzero()
-        columns = cascade.detection[rows]
-        table.update(rows, found.select(columns), columns, cascade.noise_m2[rows], cascade.turn_rad[rows])
+        columns, noise_m2 = cascade.detection.take(rows), cascade.noise_m2.take(rows, axis=0)
+        table.update(rows, found, columns, noise_m2, cascade.turn_rad.take(rows))
         return cascade.unmatched_detections
 
-    def _start_tracks(self, columns: IntArray, found: WorldDetections) -> None:
+    def _start_tracks(self, columns: IntArray, found: Records) -> None:
         """Start a track for each detection at indices (K,)."""
         if not len(columns):
             return
         ids = self._last_id + 1 + np.arange(len(columns))
         self._last_id += len(columns)
-        self._table.add(found.select(columns), ids, columns)
+        self._table.add(found, columns, ids)

@@ -139,14 +139,14 @@ def test_stationary_tracks_keep_their_position_while_hidden() -> None:
     for i in range(20):
         sight = detections_in_world(seen([[0.05 * i, 0]]), pose(), classes, np.zeros(1))
         if i == 0:
-            followed.add(sight, np.ones(1, np.int64), np.zeros(1, np.int64))
+            followed.add(sight, np.zeros(1, np.int64), np.ones(1, np.int64))
             continue
         followed.predict(0.1)
-        followed.update(np.zeros(1, np.int64), sight, np.zeros(1, np.int64), sight.noise_m2, np.zeros(1))
-    assert followed.state.stationary.all()
+        followed.update(np.zeros(1, np.int64), sight, np.zeros(1, np.int64), sight["noise_m2"], np.zeros(1))
+    assert followed.state["stationary"].all()
     for _ in range(3):
         followed.predict(1.0)
-    np.testing.assert_allclose(followed.features().displacement_m[0], [0.5, 0], atol=0.1)
+    np.testing.assert_allclose(followed.predictions()["displacement_m"][0], [0.5, 0], atol=0.1)
 
 
 def test_a_vehicle_that_is_cut_off_for_long_keeps_its_size() -> None:
@@ -165,9 +165,9 @@ def test_little_seen_of_a_colour_says_little_of_the_next_one() -> None:
     coloured = replace(seen([[0, 0]]), lab=np.array([[50.0, 40.0, 10.0]]), rgb=np.full((1, 3), 100.0))
     both = [detections_in_world(each, pose(), classes, np.zeros(1)) for each in (coloured, seen([[9, 0]]))]
     for number, sight in enumerate(both):
-        followed.add(sight, np.array([number]), np.zeros(1, np.int64))
+        followed.add(sight, np.zeros(1, np.int64), np.array([number]))
     expected, share = np.square(config.lab_std), config.lab_prior_weight / (config.lab_prior_weight + 1)
-    np.testing.assert_allclose(followed.features().lab_variance, [3 * share * expected, 3 * expected])
+    np.testing.assert_allclose(followed.predictions()["lab_variance"], [3 * share * expected, 3 * expected])
 
 
 def test_a_vehicle_without_a_colour_is_not_found_again_far_astray() -> None:

@@ -59,7 +59,7 @@ def test_state_size_is_bounded_by_the_number_of_tracks() -> None:
     assert last_id > 400
     assert max(alive[200:]) <= max(alive[:200]) + 10 < 120
     state = tracker._table
-    arrays = [*state.state, *vars(state.filters).values(), *vars(state._medians).values()]
+    arrays = [state.state, *vars(state.filters).values(), *vars(state._medians).values()]
     assert all(len(state) in array.shape for array in arrays)
     assert max(array.size for array in arrays) <= len(state) * (11 + 3) * 9
     assert len(tracker._classes.names) == 1

@@ -9,12 +9,11 @@ from tracking.association.costs import (
     NO_PAIRS,
     AssociationConfig,
     CandidatePairs,
-    DetectionFeatures,
-    TrackFeatures,
     gate_pairs,
     solve_assignment,
 )
 from tracking.neighbours import find_neighbours
+from tracking.records import Records
 
 
 class MatchingCascade:
@@ -28,10 +27,10 @@ class MatchingCascade:
         turn_rad: (N,) turn of the track since its last detection; 0 for straight motion.
     """
 
-    def __init__(self, tracks: TrackFeatures, detections: DetectionFeatures) -> None:
-        """Start with nothing matched."""
+    def __init__(self, tracks: Records, detections: Records) -> None:
+        """Start with nothing matched; `tracks` are N records of `PREDICTION`, `detections` M of `DETECTION`."""
         self._tracks, self._detections = tracks, detections
-        n, m = len(tracks.xy_m), len(detections.xy_m)
+        n, m = len(tracks), len(detections)
         self.unmatched_tracks, self.unmatched_detections = np.ones(n, np.bool_), np.ones(m, np.bool_)
         self.detection, self.noise_m2, self.turn_rad = np.zeros(n, np.int64), np.zeros((n, 2, 2)), np.zeros(n)
 
@@ -41,23 +40,27 @@ class MatchingCascade:
         (columns,) = (detections & self.unmatched_detections).nonzero()
         if not (len(rows) and len(columns)):
             return NO_PAIRS
-        radius_m = (config.gate_radius_m(self._tracks.unseen_s) * self._tracks.gate_scale).take(rows)
-        track_xy_m, detection_xy_m = self._tracks.xy_m.take(rows, axis=0), self._detections.xy_m.take(columns, axis=0)
-        i, j = find_neighbours(track_xy_m, detection_xy_m, radius_m)
-        return gate_pairs(self._tracks, self._detections, rows[i], columns[j], config) if len(i) else NO_PAIRS
+        radius_m = config.gate_radius_m(self._tracks["unseen_s"].take(rows)) * self._tracks["gate_scale"].take(rows)
+        track_xy_m = self._tracks["xy_m"].take(rows, axis=0)
+        i, j = find_neighbours(track_xy_m, self._detections["position_world_m"].take(columns, axis=0), radius_m)
+        if not len(i):
+            return NO_PAIRS
+        return gate_pairs(self._tracks, self._detections, rows.take(i), columns.take(j), config)
 
     def match(self, pairs: CandidatePairs, tracks: BoolArray, detections: BoolArray) -> None:
-        """Match unmatched tracks and detections in masks (N,), (M,) at the minimum total cost."""
+        """Match unmatched tracks and detections in masks (N,), (M,) at the minimum total cost.
+
+        Pairs of positive cost stay unmatched.
+        """
         if not len(pairs.rows):
             return
-        allowed = (tracks & self.unmatched_tracks)[pairs.rows] & (detections & self.unmatched_detections)[
-            pairs.columns
-        ]
-        if not allowed.any():
+        useful = (tracks & self.unmatched_tracks).take(pairs.rows) & (pairs.cost < 0)
+        useful &= (detections & self.unmatched_detections).take(pairs.columns)
+        (best,) = useful.nonzero()
+        if not len(best):
             return
-        if not allowed.all():
-            pairs = pairs._replace(cost=np.where(allowed, pairs.cost, np.inf))
-        best = solve_assignment(pairs)
-        self.unmatched_tracks[best.rows] = self.unmatched_detections[best.columns] = False
-        self.detection[best.rows], self.turn_rad[best.rows] = best.columns, best.turn_rad
-        self.noise_m2[best.rows] = best.noise_m2
+        best = best.compress(solve_assignment(pairs.rows.take(best), pairs.columns.take(best), pairs.cost.take(best)))
+        rows, columns = pairs.rows.take(best), pairs.columns.take(best)
+        self.unmatched_tracks[rows] = self.unmatched_detections[columns] = False
+        self.detection[rows], self.turn_rad[rows] = columns, pairs.turn_rad.take(best)
+        self.noise_m2[rows] = pairs.noise_m2.take(best, axis=0)

@@ -10,6 +10,7 @@ from scipy.optimize import linear_sum_assignment
 
 from appocc.checks import BoolArray, FloatArray, IntArray
 from tracking.compiled import compiled
+from tracking.records import Records
 
 # Larger heading changes are treated as heading errors, not as turns.
 _MAX_TURN_RAD = 1.0
@@ -55,58 +56,6 @@ class AssociationConfig:
         )
 
 
-class TrackFeatures(NamedTuple):
-    """Predictions of N tracks.
-
-    Attributes:
-        xy_m: (N, 2) positions.
-        cov_m2: (N, 2, 2) covariances of the positions.
-        yaw_rad: (N,) headings.
-        size_m: (N, 2) width and length.
-        lab: (N, 3) CIELAB colours, NaN where unknown.
-        lab_variance: (N, 3) variance of a detection's colour about it.
-        kind: (N,) category indices.
-        unseen_s: (N,) time since the last detection.
-        displacement_m: (N, 2) predicted displacement since the last detection, for straight motion.
-        gate_scale: (N,) factor on gates in metres.
-        heading_weight: (N,) factor on the heading cost; tracks with 0 do not turn along arcs.
-    """
-
-    xy_m: FloatArray
-    cov_m2: FloatArray
-    yaw_rad: FloatArray
-    size_m: FloatArray
-    lab: FloatArray
-    lab_variance: FloatArray
-    kind: IntArray
-    unseen_s: FloatArray
-    displacement_m: FloatArray
-    gate_scale: FloatArray
-    heading_weight: FloatArray
-
-
-class DetectionFeatures(NamedTuple):
-    """Features of M detections in the frame of the tracks.
-
-    Attributes:
-        xy_m: (M, 2) positions.
-        noise_m2: (M, 2, 2) covariances of the positions.
-        yaw_rad: (M,) headings.
-        size_m: (M, 2) width and length.
-        lab: (M, 3) CIELAB colours, NaN where unknown.
-        colour_density: (M,) density of the colour among vehicles, see `tracking.association.paint.paint_density`.
-        kind: (M,) category indices.
-    """
-
-    xy_m: FloatArray
-    noise_m2: FloatArray
-    yaw_rad: FloatArray
-    size_m: FloatArray
-    lab: FloatArray
-    colour_density: FloatArray
-    kind: IntArray
-
-
 class CandidatePairs(NamedTuple):
     """P gated pairs of a track and a detection.
 
@@ -126,10 +75,6 @@ class CandidatePairs(NamedTuple):
     cost: FloatArray
     colour_ratio: FloatArray
 
-    def select(self, indices: IntArray) -> CandidatePairs:
-        """Return the pairs at indices (K,)."""
-        return type(self)._make([each.take(indices, axis=0) for each in self])
-
 
 NO_PAIRS = CandidatePairs(
     np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2, 2)), np.zeros(0), np.zeros(0), np.zeros(0)
@@ -137,7 +82,7 @@ NO_PAIRS = CandidatePairs(
 
 
 def gate_pairs(
-    tracks: TrackFeatures, detections: DetectionFeatures, rows: IntArray, columns: IntArray, config: AssociationConfig
+    tracks: Records, detections: Records, rows: IntArray, columns: IntArray, config: AssociationConfig
 ) -> CandidatePairs:
     """Gate pairs of tracks and detections, by index (P,), (P,), and compute their costs.
 
@@ -147,11 +92,18 @@ def gate_pairs(
 
     A detection longer than the vehicle is merged with another one, a shorter one is partly missing. Along its
     heading, the position is then uniform over the length difference: variance of its square over 12.
+
+    Args:
+        tracks: N records of `PREDICTION`.
+        detections: M records of `DETECTION`.
+        rows: track indices.
+        columns: detection indices.
+        config: gates and costs.
     """
     n = len(rows)
     pairs = CandidatePairs(rows.copy(), columns.copy(), np.empty((n, 2, 2)), *np.empty((3, n)))
     count = _gate(
-        pairs,
+        *pairs,
         tracks,
         detections,
         config.gate_chi2,
@@ -168,9 +120,14 @@ def gate_pairs(
 
 @compiled
 def _gate(
-    pairs: CandidatePairs,
-    tracks: TrackFeatures,
-    detections: DetectionFeatures,
+    rows: IntArray,
+    columns: IntArray,
+    noise_m2: FloatArray,
+    turns_rad: FloatArray,
+    costs: FloatArray,
+    colour_ratio: FloatArray,
+    tracks: Records,
+    detections: Records,
     gate_chi2: float,
     min_gate_m: float,
     heading_std_rad: float,
@@ -180,31 +137,32 @@ def _gate(
     drift_std_mps: float,
     max_cost: float,
 ) -> int:
-    """See `gate_pairs`; the pairs inside the gates are written to the front of `pairs`, and their number returned."""
+    """See `gate_pairs`; the pairs inside the gates are written to the front of (P,), and their number returned."""
     size = 0
-    for pair in range(len(pairs.rows)):
-        n, m = pairs.rows[pair], pairs.columns[pair]
-        if tracks.kind[n] != detections.kind[m]:
+    for pair in range(len(rows)):
+        n, m = rows[pair], columns[pair]
+        track, seen = tracks[n], detections[m]
+        if track.kind != seen.kind:
             continue
-        yaw_rad = detections.yaw_rad[m]
+        yaw_rad = seen.yaw_world_rad
         cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-        surplus_m2 = (detections.size_m[m, 1] - tracks.size_m[n, 1]) ** 2 / 12
-        noise_xx = detections.noise_m2[m, 0, 0] + surplus_m2 * cos * cos
-        noise_yy = detections.noise_m2[m, 1, 1] + surplus_m2 * sin * sin
-        noise_xy = detections.noise_m2[m, 0, 1] + surplus_m2 * cos * sin
-        drift_m2 = (drift_std_mps * tracks.unseen_s[n]) ** 2
-        xx = tracks.cov_m2[n, 0, 0] + noise_xx + drift_m2
-        yy = tracks.cov_m2[n, 1, 1] + noise_yy + drift_m2
-        xy = tracks.cov_m2[n, 0, 1] + noise_xy
+        surplus_m2 = (seen.size_m[1] - track.size_m[1]) ** 2 / 12
+        noise_xx = seen.noise_m2[0, 0] + surplus_m2 * cos * cos
+        noise_yy = seen.noise_m2[1, 1] + surplus_m2 * sin * sin
+        noise_xy = seen.noise_m2[0, 1] + surplus_m2 * cos * sin
+        drift_m2 = (drift_std_mps * track.unseen_s) ** 2
+        xx = track.cov_m2[0, 0] + noise_xx + drift_m2
+        yy = track.cov_m2[1, 1] + noise_yy + drift_m2
+        xy = track.cov_m2[0, 1] + noise_xy
 
-        x, y = detections.xy_m[m, 0] - tracks.xy_m[n, 0], detections.xy_m[m, 1] - tracks.xy_m[n, 1]
+        x, y = seen.position_world_m[0] - track.xy_m[0], seen.position_world_m[1] - track.xy_m[1]
         determinant = xx * yy - xy * xy
         chi2, distance_m = (x * x * yy - 2 * x * y * xy + y * y * xx) / determinant, np.hypot(x, y)
-        turn_rad = yaw_rad - tracks.yaw_rad[n]
+        turn_rad = yaw_rad - track.yaw_rad
         turn_rad -= np.pi * np.rint(turn_rad / np.pi)
-        if turn_rad != 0 and abs(turn_rad) <= _MAX_TURN_RAD and tracks.heading_weight[n] > 0:
+        if turn_rad != 0 and abs(turn_rad) <= _MAX_TURN_RAD and track.heading_weight > 0:
             # To the end of an arc instead of a straight path, see `arc_offset`.
-            way_x, way_y = tracks.displacement_m[n, 0], tracks.displacement_m[n, 1]
+            way_x, way_y = track.displacement_m[0], track.displacement_m[1]
             chord = np.sin(turn_rad / 2) / (turn_rad / 2)
             ahead, left = chord * np.cos(turn_rad / 2) - 1, chord * np.sin(turn_rad / 2)
             x, y = x - ahead * way_x + left * way_y, y - left * way_x - ahead * way_y
@@ -215,40 +173,37 @@ def _gate(
                 turn_rad = 0.0
         else:
             turn_rad = 0.0
-        if chi2 > gate_chi2 and distance_m > min_gate_m * tracks.gate_scale[n]:
+        if chi2 > gate_chi2 and distance_m > min_gate_m * track.gate_scale:
             continue
 
         cost = chi2 + np.log(determinant) - max_cost
-        heading_chi2 = (np.sin(tracks.yaw_rad[n] - yaw_rad) / heading_std_rad) ** 2
-        cost += min(heading_chi2, max_heading_cost) * tracks.heading_weight[n]
+        heading_chi2 = (np.sin(track.yaw_rad - yaw_rad) / heading_std_rad) ** 2
+        cost += min(heading_chi2, max_heading_cost) * track.heading_weight
         if max_size_cost:
-            wider = abs(np.log(tracks.size_m[n, 0] / detections.size_m[m, 0]))
-            longer = abs(np.log(tracks.size_m[n, 1] / detections.size_m[m, 1]))
+            wider = abs(np.log(track.size_m[0] / seen.size_m[0]))
+            longer = abs(np.log(track.size_m[1] / seen.size_m[1]))
             cost += min(((wider + longer) / size_log_std) ** 2, max_size_cost)
         # The track's Gaussian over the density among all vehicles.
         colour_chi2, colour_variance = 0.0, 1.0
         for k in range(3):
-            variance = tracks.lab_variance[n, k]
-            colour_chi2 += (tracks.lab[n, k] - detections.lab[m, k]) ** 2 / variance
-            colour_variance *= variance
+            colour_chi2 += (track.lab[k] - seen.lab[k]) ** 2 / track.lab_variance[k]
+            colour_variance *= track.lab_variance[k]
         density = np.exp(-colour_chi2 / 2) / np.sqrt(colour_variance)
-        pairs.rows[size], pairs.columns[size], pairs.turn_rad[size] = n, m, turn_rad
-        pairs.noise_m2[size, 0, 0], pairs.noise_m2[size, 1, 1] = noise_xx, noise_yy
-        pairs.noise_m2[size, 0, 1] = pairs.noise_m2[size, 1, 0] = noise_xy
-        pairs.cost[size], pairs.colour_ratio[size] = cost, density / detections.colour_density[m]
+        rows[size], columns[size], turns_rad[size] = n, m, turn_rad
+        noise_m2[size, 0, 0], noise_m2[size, 1, 1] = noise_xx, noise_yy
+        noise_m2[size, 0, 1] = noise_m2[size, 1, 0] = noise_xy
+        costs[size], colour_ratio[size] = cost, density / seen.colour_density
         size += 1
     return size
 
 
-def solve_assignment(pairs: CandidatePairs) -> CandidatePairs:
-    """Return the assignment of minimum cost; pairs of positive cost stay unassigned.
+def solve_assignment(rows: IntArray, columns: IntArray, cost: FloatArray) -> BoolArray:
+    """Return which pairs (P,) are assigned at the minimum total cost. All costs are negative.
 
     Connected components of the pair graph are solved separately.
     """
-    (useful,) = (pairs.cost < 0).nonzero()
-    rows, columns, cost = pairs.rows[useful], pairs.columns[useful], pairs.cost[useful]
-    if len(set(rows.tolist())) == len(set(columns.tolist())) == len(useful):  # no conflicts
-        return pairs if len(useful) == len(pairs.rows) else pairs.select(useful)
+    if len(set(rows.tolist())) == len(set(columns.tolist())) == len(rows):  # no conflicts
+        return np.ones(len(rows), np.bool_)
     row_count, column_count = np.bincount(rows)[rows], np.bincount(columns)[columns]
     component = _components(rows, columns)
     size = np.bincount(component)[component]
@@ -261,7 +216,7 @@ def solve_assignment(pairs: CandidatePairs) -> CandidatePairs:
     if not is_star.all():
         rest = order[~is_star[order]]
         chosen[rest] = _solve_components(component[rest], rows[rest], columns[rest], cost[rest])
-    return pairs.select(useful[chosen])
+    return chosen
 
 
 def _components(rows: IntArray, columns: IntArray) -> IntArray:

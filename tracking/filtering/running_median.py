@@ -21,56 +21,65 @@ class RunningMedian:
     def __init__(self, window: int, values: int) -> None:
         """Start with no tracks, for a window of detections and a number of values K."""
         self.count = np.zeros(0, dtype=np.int64)
-        # Median, number of known values, sum of squared deviations, and the values in the window.
-        self._state = np.zeros((0, values, 3 + window))
+        self._statistics = np.zeros((3, 0, values))
+        self._window = np.zeros((0, values, window))
 
     @property
     def median(self) -> FloatArray:
         """See `RunningMedian`."""
-        return self._state[..., 0]
+        return self._statistics[0, ...]
 
     @property
     def known(self) -> FloatArray:
         """See `RunningMedian`."""
-        return self._state[..., 1]
+        return self._statistics[1, ...]
 
     @property
     def squared_deviation(self) -> FloatArray:
         """See `RunningMedian`."""
-        return self._state[..., 2]
+        return self._statistics[2, ...]
 
     def add(self, values: FloatArray) -> None:
         """Add tracks with the values (M, K) of their first detections; NaN if unknown."""
-        fresh = np.full((*values.shape, self._state.shape[2]), np.nan)
-        fresh[..., 0] = fresh[..., 3] = values
-        fresh[..., 1], fresh[..., 2] = np.isfinite(values), 0.0
-        self._state = np.concatenate([self._state, fresh])
+        window = np.full((*values.shape, self._window.shape[2]), np.nan)
+        window[..., 0] = values
+        statistics = np.zeros((3, *values.shape))
+        statistics[0], statistics[1] = values, np.isfinite(values)
+        self._window = np.concatenate([self._window, window])
+        self._statistics = np.concatenate([self._statistics, statistics], axis=1)
         self.count = np.concatenate([self.count, np.ones(len(values), np.int64)])
 
     def keep(self, mask: BoolArray) -> None:
         """Keep the tracks of a mask (N,)."""
-        self.count, self._state = self.count[mask], self._state.compress(mask, axis=0)
+        self.count, self._window = self.count.compress(mask), self._window.compress(mask, axis=0)
+        self._statistics = self._statistics.compress(mask, axis=1)
 
     def update(self, rows: IntArray, values: FloatArray) -> None:
         """Append values (M, K) of new detections to tracks (M,)."""
-        _append(self._state, self.count, rows, values, np.empty(self._state.shape[2]))
+        _append(self._statistics, self._window, self.count, rows, values, np.empty(self._window.shape[2]))
 
 
 @compiled
-def _append(state: FloatArray, count: IntArray, rows: IntArray, values: FloatArray, ordered: FloatArray) -> None:
-    """See `RunningMedian.update`; states (N, K, 3 + window) and counts (N,) are changed in place.
+def _append(
+    statistics: FloatArray,
+    window: FloatArray,
+    count: IntArray,
+    rows: IntArray,
+    values: FloatArray,
+    ordered: FloatArray,
+) -> None:
+    """See `RunningMedian.update`; statistics (3, N, K), windows (N, K, W) and counts (N,) are changed in place.
 
-    `ordered` is room for the values of a window.
+    `ordered` (W,) is room for the values of a window.
     """
-    window = state.shape[2] - 3
     for m, n in enumerate(rows):
-        slot = count[n] % window
+        slot = count[n] % len(ordered)
         count[n] += 1
         for k in range(values.shape[1]):
-            state[n, k, 3 + slot] = values[m, k]
+            window[n, k, slot] = values[m, k]
             size = 0
-            for index in range(window):  # insertion sort
-                value = state[n, k, 3 + index]
+            for index in range(len(ordered)):  # insertion sort
+                value = window[n, k, index]
                 if not np.isnan(value):
                     place = size
                     while place and ordered[place - 1] > value:
@@ -82,4 +91,4 @@ def _append(state: FloatArray, count: IntArray, rows: IntArray, values: FloatArr
             squared_deviation = 0.0
             for index in range(size):
                 squared_deviation += (ordered[index] - median) ** 2
-            state[n, k, 0], state[n, k, 1], state[n, k, 2] = median, size, squared_deviation
+            statistics[0, n, k], statistics[1, n, k], statistics[2, n, k] = median, size, squared_deviation

@@ -10,16 +10,10 @@ from scipy.optimize import linear_sum_assignment
 from appocc.checks import FloatArray
 from tracking.association.cascade import MatchingCascade
 from tracking.association.colour_likelihood import ColourLikelihood
-from tracking.association.costs import (
-    AssociationConfig,
-    DetectionFeatures,
-    TrackFeatures,
-    gate_pairs,
-    solve_assignment,
-)
+from tracking.association.costs import AssociationConfig, gate_pairs
 from tracking.association.paint import paint_density
 from tracking.filtering.kalman import arc_offset
-from tracking.neighbours import find_neighbours
+from tracking.records import DETECTION, PREDICTION, Records
 
 UNKNOWN = (np.nan,) * 3
 RED, BLUE = (53.0, 80.0, 67.0), (32.0, 79.0, -108.0)
@@ -28,7 +22,7 @@ CONFIG = AssociationConfig(min_gate_m=2.5, gate_speed_mps=7.5, max_gate_m=12.0, 
 Spot = tuple[float, float]
 
 
-def predicted(places: list[Spot], variance_m2: FloatArray | None = None, **more: object) -> TrackFeatures:
+def predicted(places: list[Spot], variance_m2: FloatArray | None = None, **more: object) -> Records:
     n = len(places)
     variance = np.full(n, 0.05) if variance_m2 is None else variance_m2
     given = {
@@ -44,30 +38,37 @@ def predicted(places: list[Spot], variance_m2: FloatArray | None = None, **more:
         "gate_scale": np.ones(n),
         "heading_weight": np.ones(n),
     }
-    return TrackFeatures(**{**given, **more})  # type: ignore[arg-type]
+    return records(PREDICTION, n, {**given, **more})
 
 
-def seen(places: list[Spot], **more: object) -> DetectionFeatures:
+def seen(places: list[Spot], **more: object) -> Records:
     n = len(places)
     given = {
-        "xy_m": np.array(places, np.float64).reshape(-1, 2),
+        "position_world_m": np.pad(np.array(places, np.float64).reshape(-1, 2), ((0, 0), (0, 1))),
         "noise_m2": np.tile(0.05 * np.eye(2), (n, 1, 1)),
-        "yaw_rad": np.zeros(n),
-        "size_m": np.tile([1.8, 4.5], (n, 1)),
+        "yaw_world_rad": np.zeros(n),
+        "size_m": np.tile([1.8, 4.5, 1.5], (n, 1)),
         "lab": np.full((n, 3), np.nan),
         "kind": np.zeros(n, np.int64),
     }
     all_of_them: dict[str, Any] = {**given, **more}
-    return DetectionFeatures(colour_density=paint_density(all_of_them["lab"]), **all_of_them)
+    return records(DETECTION, n, {**all_of_them, "colour_density": paint_density(all_of_them["lab"])})
+
+
+def records(kind: np.dtype[np.void], count: int, fields: dict[str, Any]) -> Records:
+    result = np.zeros(count, kind)
+    for name, values in fields.items():
+        result[name] = values
+    return result
 
 
 def pairs(
-    tracks: TrackFeatures, detections: DetectionFeatures, config: AssociationConfig = CONFIG, doubt: float = 0.02
+    tracks: Records, detections: Records, config: AssociationConfig = CONFIG, doubt: float = 0.02
 ) -> dict[int, int]:
-    rows, columns = find_neighbours(tracks.xy_m, detections.xy_m, config.gate_radius_m(tracks.unseen_s))
-    ways = ColourLikelihood(doubt).add_cost(gate_pairs(tracks, detections, rows, columns, config))
-    best = solve_assignment(ways)
-    return dict(zip(best.rows.tolist(), best.columns.tolist(), strict=True))
+    cascade, every = MatchingCascade(tracks, detections), (np.ones(len(tracks), bool), np.ones(len(detections), bool))
+    cascade.match(ColourLikelihood(doubt).add_cost(cascade.candidates(*every, config)), *every)
+    (rows,) = (~cascade.unmatched_tracks).nonzero()
+    return dict(zip(rows.tolist(), cascade.detection[rows].tolist(), strict=True))
 
 
 def labs(*colours: tuple[float, ...]) -> FloatArray:
@@ -95,13 +96,13 @@ def test_a_certain_track_goes_before_an_uncertain_one() -> None:
 
 
 def test_heading_disambiguates_detections() -> None:
-    detections = seen([(0.5, 0), (-0.5, 0)], yaw_rad=np.array([np.pi / 2, np.pi]))
+    detections = seen([(0.5, 0), (-0.5, 0)], yaw_world_rad=np.array([np.pi / 2, np.pi]))
     assert pairs(predicted([(0, 0)]), detections) == {0: 1}  # turned round is no difference
     assert pairs(predicted([(0.1, 0)]), detections, replace(CONFIG, max_heading_cost=0.0)) == {0: 0}
 
 
 def test_size_disambiguates_detections() -> None:
-    detections = seen([(0.3, 0), (-0.5, 0)], size_m=np.array([[2.5, 9.0], [1.8, 4.4]]))
+    detections = seen([(0.3, 0), (-0.5, 0)], size_m=np.array([[2.5, 9.0, 1.5], [1.8, 4.4, 1.5]]))
     assert pairs(predicted([(0, 0)]), detections, replace(CONFIG, max_size_cost=9.0)) == {0: 1}
 
 
@@ -113,7 +114,7 @@ def test_colour_tells_neighbours_apart() -> None:
     crossed: list[Spot] = [(0.5, 0), (0.7, 0)]
     plain = predicted([(0, 0), (1.2, 0)])
     assert pairs(plain, seen(crossed)) == {0: 0, 1: 1}
-    painted, detections = plain._replace(lab=labs(RED, BLUE)), seen(crossed, lab=labs(BLUE, RED))
+    painted, detections = predicted([(0, 0), (1.2, 0)], lab=labs(RED, BLUE)), seen(crossed, lab=labs(BLUE, RED))
     assert pairs(painted, detections) == {0: 1, 1: 0}
     assert pairs(painted, detections, doubt=1.0) == {0: 0, 1: 1}
 
@@ -148,10 +149,10 @@ def test_turns_are_matched_along_an_arc() -> None:
     """An arc of 8 m that turns by one radian ends 7.67 m away, at half that angle."""
     track = predicted([(8.0, 0.0)], displacement_m=np.array([[8.0, 0.0]]))
     chord = 2 * 8.0 * np.sin(0.5)
-    turned = seen([(chord * np.cos(0.5), -chord * np.sin(0.5))], yaw_rad=np.array([-1.0]))
+    turned = seen([(chord * np.cos(0.5), -chord * np.sin(0.5))], yaw_world_rad=np.array([-1.0]))
     ways = gate_pairs(track, turned, np.zeros(1, np.int64), np.zeros(1, np.int64), replace(CONFIG, min_gate_m=0.5))
     assert ways.turn_rad.tolist() == [-1.0]
-    straight = seen([(8.0, 0.1)], yaw_rad=np.array([-0.1]))
+    straight = seen([(8.0, 0.1)], yaw_world_rad=np.array([-0.1]))
     ways = gate_pairs(track, straight, np.zeros(1, np.int64), np.zeros(1, np.int64), CONFIG)
     assert ways.turn_rad.tolist() == [0.0]
 
@@ -165,7 +166,7 @@ def test_a_rare_colour_pays_for_a_place_farther_off() -> None:
 
 
 def test_merged_detections_have_more_position_noise_along_their_heading() -> None:
-    every, merged = np.zeros(1, np.int64), seen([(0, 0)], size_m=np.array([[1.8, 10.5]]))
+    every, merged = np.zeros(1, np.int64), seen([(0, 0)], size_m=np.array([[1.8, 10.5, 1.5]]))
     noise = gate_pairs(predicted([(0, 0)]), merged, every, every, CONFIG).noise_m2
     np.testing.assert_allclose(noise[0], np.diag([0.05 + 36 / 12, 0.05]))
 
@@ -177,7 +178,7 @@ def test_components_solved_separately_equal_the_joint_solution(seed: int) -> Non
         predicted(random.uniform(0, 40, (60, 2)).tolist()),
         seen(random.uniform(0, 40, (70, 2)).tolist()),
     )
-    offset = detections.xy_m[None] - tracks.xy_m[:, None]
+    offset = detections["position_world_m"][None, :, :2] - tracks["xy_m"][:, None]
     far = (offset**2).sum(axis=-1) / 0.1
     possible = np.hypot(*np.moveaxis(offset, -1, 0)) <= CONFIG.min_gate_m
     rows, columns = linear_sum_assignment(np.where(possible, far, 1e6))
@@ -197,7 +198,7 @@ def turned_by(angle: float, variance_m2: float = 0.05) -> float:
     """By how much a track is taken to have turned that is seen where an arc of 10 m with such a turn ends."""
     ahead, left = arc_offset(np.array([angle]))
     tracks = predicted([(10, 0)], np.array([variance_m2]), displacement_m=np.array([[10.0, 0.0]]))
-    detections = seen([(10 + 10 * float(ahead[0]), 10 * float(left[0]))], yaw_rad=np.array([angle]))
+    detections = seen([(10 + 10 * float(ahead[0]), 10 * float(left[0]))], yaw_world_rad=np.array([angle]))
     every = np.zeros(1, np.int64)
     (turn_rad,) = gate_pairs(tracks, detections, every, every, replace(CONFIG, min_gate_m=20.0)).turn_rad
     return float(turn_rad)
@@ -223,7 +224,7 @@ def test_colour_ratio_is_that_of_two_densities() -> None:
     tracks, detections = predicted([(0, 0)], lab=labs(RED)), seen([(0, 0)], lab=labs(tuple(RED + off)))
     every = np.zeros(1, np.int64)
     (alike,) = gate_pairs(tracks, detections, every, every, CONFIG).colour_ratio
-    assert alike == pytest.approx(np.exp(-(off @ off) / 50 / 2) / 50**1.5 / detections.colour_density[0])
+    assert alike == pytest.approx(np.exp(-(off @ off) / 50 / 2) / 50**1.5 / detections["colour_density"][0])
 
 
 def test_excluded_detections_stay_unmatched() -> None:
