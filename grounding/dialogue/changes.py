@@ -14,6 +14,7 @@ from grounding.dialogue.fragments import (
     complete,
     describe_and_place,
     names_pronoun,
+    names_vehicle,
     read_description,
 )
 from grounding.dialogue.merging import merge_request
@@ -51,7 +52,8 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
         reading = complete(reply.rest, base, None, talk.readings)  # "it" refers to nothing yet
     if turn is not None and turn.act == "place" and turn.replaces(reading) and (place := turn.placed(text)):
         described = read_description(reply.rest, antecedent, talk.readings) if place.referent is None else None
-        place = replace(place, referent=described.query.referent) if described else place
+        if described is not None and names_vehicle(described):
+            place = replace(place, referent=described.query.referent)
         reading = Reading(place, steps=(place,))
     placed = reading is not None and (
         reading.query.relation != "none" or bool(base.direction and reading.query.direction)
@@ -59,7 +61,8 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
     answers = state.question is not None and not (placed and "no" in reply.kinds)  # "no, behind the lorry" does not
     if answers and (answer := _answer_description(talk, text, reply, state.question, turn)):
         return answer
-    if reading is not None and (placed or base.referent is None):
+    places = placed or (turn is not None and turn.act == "place")
+    if reading is not None and (places or base.referent is None):
         return _modify(talk, said(widen(reading, talk.scene), text), request)
     if answer := _answer_description(talk, text, reply, None, turn):
         return answer
@@ -85,7 +88,7 @@ def _answer_description(
     if reading is None and turn is not None and turn.act == "describe":
         reading = described_by(turn, talk.antecedent)
     reading = reading or read_description(reply.rest, talk.antecedent, talk.readings)
-    if question is not None and (others := _all_but(talk, reply.rest, question)) and request is not None:
+    if question is not None and (others := all_but(talk, reply.rest, question)) and request is not None:
         return talk.narrow(others, replace(request, reading=said(request.reading, text)))
     if request is None or reading is None:
         return None
@@ -117,7 +120,7 @@ def described_by(turn: Turn | None, antecedent: Referent | None) -> Reading | No
     return Reading(query, steps=(query,))
 
 
-def _all_but(talk: Conversation, words: str, question: Answer) -> list[Candidate]:
+def all_but(talk: Conversation, words: str, question: Answer) -> list[Candidate]:
     """Return the candidates of a question that are left of "not the near one"; none for other words."""
     if not words.startswith("not "):
         return []

@@ -8,6 +8,7 @@ from dataclasses import replace
 from grounding.answer import Answer
 from grounding.answering import Request, requests_of
 from grounding.dialogue.changes import drop_steps, replace_step
+from grounding.dialogue.choices import confirm
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import find_fitting, is_plainly_definite, widen
 from grounding.dialogue.fragments import is_understood, keep_action, names_pronoun, refers_to_place
@@ -17,6 +18,7 @@ from grounding.dialogue.telling import said
 from grounding.dialogue.turns import Turn
 from grounding.language import Reading, WordCategory
 from grounding.language.revised_readings import evidence_of
+from grounding.query import Referent
 from grounding.vocabulary import Action
 
 
@@ -69,6 +71,8 @@ def answer_command(
     if answer.alternatives:
         talk.state = replace(state, question=answer, offered=(), asked=requests_of(answer.reading), at=0)
         return answer
+    if refers_to_place(first) and state.question is not None and state.question.status == "ambiguous":
+        return confirm(talk, text)  # "is there room behind it?" "Then park there."
     if refers_to_place(first) and state.plan and not then:
         return talk.take((*state.plan[:-1], merge_request(state.plan[-1], first.query)))
     if base is not None and not then and names_gap_only(first.query):  # "leave three metres"
@@ -88,8 +92,8 @@ def answer_command(
 
 def ask_to_stop(talk: Conversation, text: str, words: str) -> Answer | None:
     """Ask whether a first sentence without a verb asks for a stop: "the yellow one"; None if it names no vehicle."""
-    for phrase in ("stop {}", "stop near {}", "stop near the {}"):
-        reading = talk.readings(phrase.format(words))[0]
+    for phrase in ("stop near {}", "stop near the {}", "stop {}"):
+        reading = talk.readings(phrase.format(words), Referent("vehicle", "one"))[0]
         if is_understood(reading) and reading.query.referent is not None:
             doubted = replace(reading, doubt=f"do you mean '{phrase.format(words)}'?")
             answer = talk.grounder.check(text, doubted, talk.grounder.best_answer((doubted,)))

@@ -73,9 +73,10 @@ def names_pronoun(reading: Reading) -> bool:
         return False
     heads = (WordCategory.PRONOUN, WordCategory.ONE, WordCategory.NOUN, WordCategory.ORDINAL, WordCategory.COLOUR)
     verb = next((i for i, token in enumerate(reading.tokens) if _is_base_verb(token)), 0)
-    # "She has left. Then park behind the red one": what is said before the command names other things.
-    first = next((token for token in reading.tokens[verb:] if token.category in heads), None)
-    return first is None or first.category is WordCategory.PRONOUN
+    named = [(i, token.category) for i, token in enumerate(reading.tokens) if token.category in heads]
+    # "She has left. Then park behind the red one"; "the blue car is hers, get in behind that".
+    until = next((at for at, (i, _) in enumerate(named) if i >= verb), len(named))
+    return all(category is WordCategory.PRONOUN for _, category in named[: until + 1])
 
 
 def read_description(text: str, antecedent: Referent | None, read: Reader, *, whole: bool = False) -> Reading | None:
@@ -148,7 +149,7 @@ def describe_and_place(text: str, base: Query, antecedent: Referent | None, read
     halves = [(", ".join(parts[start:i]), ", ".join(parts[i:end])) for start, i, end in cuts[:_MOST_CUTS]]
     for named, place in (*halves, *((after, before) for before, after in halves)):
         described = read_description(named, antecedent, read, whole=True)
-        if described is None or not _names_vehicle(described):
+        if described is None or not names_vehicle(described):
             continue
         placed = complete(place, base, described.query.referent, read, whole=True)
         if placed is not None and names_pronoun(placed) and not placed.query.excluded:
@@ -157,7 +158,7 @@ def describe_and_place(text: str, base: Query, antecedent: Referent | None, read
     return None
 
 
-def _names_vehicle(described: Reading) -> bool:
+def names_vehicle(described: Reading) -> bool:
     """Return whether a description has a colour, a qualifier or a class of its own, and excludes nothing."""
     referent = described.query.referent
     own = referent is not None and (referent.colour or referent.qualifiers)

@@ -15,6 +15,7 @@ from grounding.answer import Answer
 from grounding.answering import pick
 from grounding.dialogue.changes import (
     BIT_M,
+    all_but,
     answer_fragment,
     change_distance,
     described_by,
@@ -221,15 +222,21 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
         asked = "" if act == "about" else reply.rest or text  # "what colour is the van" describes none by itself
         return (count if act == "count" else look_for)(talk, text, asked, named)
     if talk.is_opening:
-        if act in ("describe", "place") and not reply.kinds:
+        if act in ("describe", "place") and not reply.kinds and talk.readings(text)[0].problem:
             return ask_to_stop(talk, text, reply.rest)
         return _ACTS[act](talk, text) if act in _WITHOUT_COMMAND else None
     if "meant" in reply.kinds and reply.rest and act in ("pause", "remark", "cancel"):
         return None  # "oh wait, I meant right"
+    if state.question is not None and all_but(talk, reply.rest, state.question):
+        return answer_fragment(talk, text, reply)  # "not the near one"
+    if act == "other" and _names_place_only(talk, reply.rest):
+        return None  # "the other van. In front of it"
     if act == "no" and "cancel" in reply.kinds:
         return cancel(talk, text)
     if act == "number":
         return _answer_number(talk, text, reply, turn.number)
+    if act in ("shift", "more", "less") and reply.leading_shift and _names_place_only(talk, reply.rest):
+        return answer_fragment(talk, text, reply)  # "a bit before it"
     if act == "shift":
         moved = shift_from_named(talk, text, reply)
         return moved or shift_last(talk, text, Shift(turn.shift, turn.distance_m or BIT_M))
@@ -247,8 +254,12 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
 
 def _answer_number(talk: Conversation, text: str, reply: Reply, number: int | None) -> Answer | None:
     """Answer a number: of the listed vehicles, else of a row of them: "make it the second"; None without one."""
-    if number is None or talk.state.question is not None or not reply.rest:
-        return None if number is None else choose_number(talk, text, number)
+    if number is None:
+        return None
+    question = talk.state.question
+    listed = question is not None and len(question.alternatives or question.candidates) > 1
+    if (listed or not reply.rest) and not reply.rest.startswith("not "):
+        return choose_number(talk, text, number)
     word = next((name for name, position in POSITIONS.items() if position == number), "last" if number < 0 else "")
     return answer_fragment(talk, text, replace(reply, rest=f"the {word} one")) if word else None
 

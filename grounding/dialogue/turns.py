@@ -19,12 +19,16 @@ from grounding.language.syntax.tokenizer import Token, normalise, tokenise
 from grounding.query import Query, Referent
 from grounding.vocabulary import POSITIONS, ShiftDirection
 
-# Least probability of an act that is taken, of one that drops the goal, of one where the grammar finds nothing, of
-# a qualifier.
-_SURE, _SURE_CANCEL, _LIKELY, _LEAST_QUALIFIER = 0.5, 0.6, 0.3, 0.5
+# Least probability of an act that is taken, of one that chooses or drops something, of one where the grammar finds
+# nothing, and of a qualifier.
+_SURE, _SURE_CHOICE, _LIKELY, _LEAST_QUALIFIER = 0.5, 0.62, 0.3, 0.5
 _LEAST = 1e-4
+# Acts that choose or change nothing but by the words of the turn.
+_HARMLESS = ("describe", "place", "heading", "why", "repeat", "seen", "about", "count", "seek", "room", "remark")
 # Least probability of a reply where the grammar finds a command.
 _SURE_AGAINST = 0.75
+# The same where a pattern covers all words.
+_SURE_AGAINST_PATTERN = 0.9
 # Least probability at which a command that only the network understands is acted upon.
 _SURE_COMMAND = 0.8
 # Least probability of a relation that counts more than the grammar's.
@@ -63,7 +67,7 @@ class Turn:
     @property
     def is_likely(self) -> bool:
         """Whether the act is believed where the grammar finds nothing."""
-        return self.sure >= _LIKELY and self.act != "cancel"
+        return self.sure >= _LIKELY and self.act in _HARMLESS
 
     def best(self, field: str) -> str:
         """Return the likeliest value of a field."""
@@ -137,10 +141,11 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     own = own_act(reply, reading)
     scores = vote_on_act(prediction.choices["act"], own, reader.rule["act"])
     act = max(scores, key=scores.__getitem__)
-    if act == own[0] != "command":
-        return None  # the patterns of replies know the details
+    if act == own[0] != "command" or (act in ("yes", "remark", "pause") and own[0] == "command"):
+        return None  # the patterns of replies know the details; "all right, wait behind it" is a command
     doubted = _is_command(reading) and act not in ("command", "then")
-    needed = max(_SURE_AGAINST if doubted else _SURE, _SURE_CANCEL if act == "cancel" else 0.0)
+    needed = max(_SURE_AGAINST if doubted else _SURE, 0.0 if act in _HARMLESS else _SURE_CHOICE)
+    needed = _SURE_AGAINST_PATTERN if own[0] and own[1] == 1 else needed
     number, distance_m = reply.number or _number(tokens), named_distance(text, talk.grounder.lexicon)
     if distance_m is None and act in _MEASURED and any(one.category is WordCategory.NUMBER for one in tokens):
         distance_m = number and float(number)  # "three more": metres

@@ -17,7 +17,7 @@ import numpy as np
 from grounding.language.reader.fields import FIELDS, NONE, QUALIFIERS
 from grounding.language.reader.network import Numbers, Prediction
 from grounding.query import Exclusion, Query, Referent
-from grounding.vocabulary import Action
+from grounding.vocabulary import REFUSED, Action
 
 # Least probability of a value that counts.
 _LEAST = 1e-4
@@ -130,7 +130,7 @@ def revise(query: Query, evidence: Evidence, prediction: Prediction, rule: Mappi
             return Revision(query, (), sure)
         certain = sure * prediction.certainty
         return Revision(command_of(query.command, prediction), (("status", "reject", "ok"),), certain)
-    if odds < _LEAST_ODDS_KEPT:
+    if odds < _LEAST_ODDS_KEPT and query.manoeuvre not in REFUSED:
         return Revision(Query(query.command), (("status", "ok", "reject"),), sure)
     values = {}
     for field in FIELDS:

@@ -176,7 +176,7 @@ def test_a_question_about_a_vehicle_sets_what_it_refers_to() -> None:
 
 def test_a_named_vehicle_is_remembered() -> None:
     session = row()
-    assert session.say("the blue car").status == "not_a_command"
+    assert session.say("the blue car").question == "do you mean 'stop near the blue car'?"
     answer = session.say("park behind it")
     assert answer.referent is not None
     assert answer.referent.item.id == "blue"

@@ -83,7 +83,6 @@ def test_what_names_the_gap_only(query: Query, gap: bool) -> None:
         ("no, further on, in front of it", "in_front_of", None),
         ("make that five metres in front", "in_front_of", 5.0),
         ("in front, easier to get out", "in_front_of", None),
-        ("a little less gap, say one metre", "behind", 1.0),
     ],
 )
 def test_a_turn_changes_what_it_names(turn: str, relation: str, distance_m: float | None) -> None:

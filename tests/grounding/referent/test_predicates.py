@@ -140,6 +140,7 @@ def street() -> SceneModel:
         ("left_side", {"left lane", "oncoming", "facing"}, {"leader", "parked", "turning"}),
         ("right_side", {"parked", "turning", "starting"}, {"leader", "left lane", "oncoming"}),
         ("opposite_side", {"oncoming", "facing"}, {"leader", "parked", "left lane"}),
+        ("own_side", {"leader", "parked", "left lane"}, {"oncoming", "facing"}),
         ("own_lane", {"leader", "stopped", "follower"}, {"parked", "left lane", "oncoming"}),
         ("left_lane", {"left lane"}, {"parked", "starting"}),
         ("other_lane", {"left lane", "oncoming", "parked"}, {"leader", "stopped"}),
@@ -149,6 +150,7 @@ def street() -> SceneModel:
         ("stopped", {"stopped", "parked"}, {"leader", "oncoming", "turning"}),
         ("moving", {"leader", "oncoming", "turning"}, {"parked", "stopped"}),
         ("oncoming", {"oncoming"}, {"leader", "parked", "facing"}),
+        ("same_way", {"leader", "parked", "starting"}, {"oncoming", "facing"}),
         ("turning", {"turning"}, {"leader", "oncoming", "parked"}),
         ("turning_right", {"turning"}, {"leader", "oncoming", "parked"}),
         ("turning_left", set(), {"leader", "oncoming", "parked", "turning"}),
@@ -231,8 +233,17 @@ def test_every_qualifier_of_commands_has_a_predicate() -> None:
     counted = {"first", "second", "third", "fourth", "next", "last", "nearest", "farthest", "leftmost", "rightmost"}
     counted |= {"largest", "smallest", "large", "small"}
     assert set(QUALIFIERS) | counted == counted | {
-        *("left_side", "right_side", "opposite_side", "own_lane", "left_lane", "right_lane", "other_lane"),
-        *("middle_lane", "ahead", "behind_ego", "parked", "stopped", "moving", "oncoming", "turning"),
+        *(
+            "left_side",
+            "right_side",
+            "opposite_side",
+            "own_side",
+            "own_lane",
+            "left_lane",
+            "right_lane",
+            "other_lane",
+        ),
+        *("middle_lane", "ahead", "behind_ego", "parked", "stopped", "moving", "oncoming", "same_way", "turning"),
         *("turning_left", "turning_right", "leaving", "passing", "braking"),
     }
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from grounding.language.reader.fields import CHOICES, FIELDS, NOUNS, QUALIFIERS
+from grounding.language.reader.fields import ACTIONS, CHOICES, FIELDS, NOUNS, QUALIFIERS
 from grounding.language.reader.network import Prediction
 from grounding.language.reader.revision import Evidence, query_of, revise
 from grounding.query import Exclusion, Query, Referent
@@ -22,7 +24,9 @@ RULE = {
 READ, GUESSED = Evidence(), Evidence(dropped=3)
 
 
-def predict(sure: float = 0.9, qualifiers: tuple[str, ...] = (), **values: str) -> Prediction:
+def predict(
+    sure: float = 0.9, qualifiers: tuple[str, ...] = (), actions: tuple[str, ...] = (), **values: str
+) -> Prediction:
     """Return a prediction of the query's own values, with others in the place of some."""
     own = {"status": "ok", "action": "park", "relation": "behind", "noun": "car", "colour": "red"} | values
     lists = {**CHOICES, "noun": NOUNS, "colour": ("none", "red", "blue")}
@@ -33,7 +37,8 @@ def predict(sure: float = 0.9, qualifiers: tuple[str, ...] = (), **values: str) 
     status = values.get("status", "ok")
     choices["status"] = {"ok": 0.1, "reject": 0.1} | {status: 0.9}
     likely = {one: sure if one in qualifiers else 0.01 for one in QUALIFIERS}
-    return Prediction(choices, likely, "motor")
+    commanded = {one: sure if one in (own["action"], *actions) else 0.01 for one in ACTIONS}
+    return Prediction(choices, likely, commanded, "motor")
 
 
 def test_nothing_changes_where_both_agree() -> None:
@@ -58,6 +63,16 @@ def test_the_network_changes_one_field_where_the_grammar_left_words_out(field: s
     assert revision.changed == ((field, before, value),)
     changed = revision.query.referent if field in ("noun", "colour") else revision.query
     assert getattr(changed, field) == value
+
+
+def test_an_action_that_the_network_does_not_see_is_dropped() -> None:
+    query = Query("park behind the red car, two mins", "park", ("park", "wait"), "behind", None, RED_CAR)
+    query = dataclasses.replace(query, landmark="referent")
+    revision = revise(query, READ, predict(), RULE)
+    assert (revision.query.actions, revision.changed) == (("park",), (("actions", "park wait", "park"),))
+    assert revise(query, READ, predict(actions=("wait",)), RULE).query.actions == ("park", "wait")
+    # The main action stays, however unlikely.
+    assert revise(query, READ, predict(0.2), RULE).query.action == "park"
 
 
 def test_an_unsure_network_changes_nothing() -> None:
