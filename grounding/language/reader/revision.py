@@ -243,7 +243,8 @@ def _changes(before: Query, after: Query) -> tuple[tuple[str, str, str], ...]:
     pairs = [(field, field_value(before, field), field_value(after, field)) for field in FIELDS]
     said, now = (" ".join(sorted(one.referent.qualifiers)) if one.referent else "" for one in (before, after))
     pairs.append(("qualifiers", said or NONE, now or NONE))
-    pairs.append(("actions", " ".join(before.actions), " ".join(after.actions)))
+    if len(after.actions) < len(before.actions):
+        pairs.append(("actions", " ".join(before.actions), " ".join(after.actions)))
     return tuple(pair for pair in pairs if pair[1] != pair[2])
 
 

@@ -61,7 +61,7 @@ SENTENCES = {
     "stop next to the two men with umbrellas": "stop next_to [person]",
     "pick up the woman with the bag on the left": "stop none [person left_side]",
     "stop in front of the man in the yellow jacket on the right": "stop in_front_of [person right_side]",
-    "the lady in green is my aunt, stop next to her": "stop next_to [person]",
+    "the lady in green is my aunt, stop next to her": "stop next_to [person green]",
     "there's an old man crossing. wait for him": "wait none [person]",
     "that man wants to cross, stop behind the bus and let them": "stop behind [bus]",
     # One of two, between.

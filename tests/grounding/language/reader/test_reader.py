@@ -84,7 +84,7 @@ def test_the_networks_in_numpy_are_those_in_torch_and_their_mean_is_returned() -
     batch = batch_of([(one.rows, one.facts) for one in chosen])
     outputs = [network(batch) for network in networks]
     found = {field: torch.stack([one[field].exp() for one in outputs]).mean(0).detach() for field in outputs[0]}
-    odds = torch.stack([torch.sigmoid(one["qualifier"]) for one in outputs]).mean(0).detach()
+    odds = torch.stack([torch.sigmoid(one["tag"]) for one in outputs]).mean(0).detach()
     ensemble = ReaderNetwork(stacked([export_weights(network) for network in networks]))
     for i, one in enumerate(chosen):
         prediction = ensemble.predict_rows(one.rows, one.facts)
@@ -92,7 +92,8 @@ def test_the_networks_in_numpy_are_those_in_torch_and_their_mean_is_returned() -
             if field != "colour":
                 np.testing.assert_allclose(list(shares.values()), found[field][i], atol=1e-5)
         assert prediction.choices["colour"]["none"] == pytest.approx(found["colour"][i, 0].item(), abs=1e-5)
-        np.testing.assert_allclose(list(prediction.qualifiers.values()), odds[i], atol=1e-5)
+        tags = [*prediction.qualifiers.values(), *prediction.actions.values()]
+        np.testing.assert_allclose(tags, odds[i], atol=1e-5)
 
 
 def test_training_lowers_the_loss() -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -66,8 +64,9 @@ def test_the_network_changes_one_field_where_the_grammar_left_words_out(field: s
 
 
 def test_an_action_that_the_network_does_not_see_is_dropped() -> None:
-    query = Query("park behind the red car, two mins", "park", ("park", "wait"), "behind", None, RED_CAR)
-    query = dataclasses.replace(query, landmark="referent")
+    query = Query(
+        "park behind the red car, two mins", "park", ("park", "wait"), "behind", landmark="referent", referent=RED_CAR
+    )
     revision = revise(query, READ, predict(), RULE)
     assert (revision.query.actions, revision.changed) == (("park",), (("actions", "park wait", "park"),))
     assert revise(query, READ, predict(actions=("wait",)), RULE).query.actions == ("park", "wait")
