@@ -74,7 +74,10 @@ def test_weights_without_a_run_can_be_shown(written: Path, tmp_path: Path) -> No
         ("[1]", "expected keys and values, got [1]"),
         ('{"iou": {"road": 0.5}}', "samples: expected a value, got nothing"),
         ('{"samples": 9, "iou": {"road": NaN}}', "iou.road: expected a finite number"),
-        ('{"samples": 9, "iou": {}, "iou_at_threshold": {"road": 61}}', "iou_at_threshold.road: expected 1 or less, got 61"),
+        (
+            '{"samples": 9, "iou": {}, "iou_at_threshold": {"road": 61}}',
+            "iou_at_threshold.road: expected 1 or less, got 61",
+        ),
     ],
 )
 def test_figures_must_be_an_evaluation(written: Path, tmp_path: Path, text: str, reason: str) -> None:
