@@ -106,9 +106,8 @@ def _pooled(truth: Path, tracks: Path, version: str | None) -> AlignedFiles:
     if tables and len(missing) == len(texts):  # the folder of a scene has its tracks in both formats
         pairs = [(truth, path) for path in tables]
     elif missing:
-        raise DataError(
-            f"{truth}: expected a folder with {missing[0]}, as {tracks} is, or tracking.json there, got neither"
-        )
+        expected = f"a folder with {missing[0]}, as {tracks} is, or tracking.json there"
+        raise DataError(f"{truth}: expected {expected}, got neither")
     else:
         pairs = [(truth / path.name, path) for path in texts]
     if not pairs:
