@@ -51,6 +51,8 @@ def bev(
 ) -> None:
     """Evaluate BEV maps: IoU by class, colour errors and vehicles; by distance, visibility and weather.
 
+    The truth is compared with itself only if --bev names it.
+
     Example: appocc eval bev ROOT --bev groundtruth --against exact
     """
     from appocc.bevmap import bev_folder
