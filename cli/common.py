@@ -249,20 +249,21 @@ def choose_scene(dataset: Dataset, name: str | None) -> Scene:
     raise DataError(f"{dataset.root}: expected --scene, one of {names}{more}")
 
 
-def choose_source(root: Path, name: str | None, preferred: Sequence[str] = ("groundtruth",)) -> str:
-    """Return the source of maps with a name; without a name the only one, or the first preferred one that there is.
+def choose_source(root: Path, name: str | None, truth: str | None = None) -> str:
+    """Return the source of maps with a name; without a name the only one, or the ground truth among several.
 
-    A name without maps is returned too: reading a map reports what there is. A choice among several is told.
+    A name without maps is returned too: reading a map reports what there is. A choice among several is told. `truth`
+    is the source that the maps are compared with: it is not chosen.
 
     Raises:
-        DataError: if there is no name, and no maps, or several sources but none of the preferred ones.
+        DataError: if there is no name, and no maps, or several sources without ground truth.
     """
     from appocc.bevmap import map_sources
 
     if name is not None:
         return name
-    sources = map_sources(root)
-    chosen = sources if len(sources) == 1 else [each for each in preferred if each in sources]
+    sources = [each for each in map_sources(root) if each != truth]
+    chosen = sources if len(sources) == 1 else [each for each in sources if each == "groundtruth"]
     if chosen:
         others = ", ".join(each for each in sources if each != chosen[0])
         if others:
@@ -270,9 +271,9 @@ def choose_source(root: Path, name: str | None, preferred: Sequence[str] = ("gro
         return chosen[0]
     if sources:
         raise DataError(f"{root}: expected --bev, one of {', '.join(sources)}")
-    raise DataError(
-        f"{root}: no maps in {root / 'bev'}; make them with: appocc infer {root} --out {root}/bev/predicted"
-    )
+    beside = f" beside {truth}" if truth else ""
+    how = f"make them with: appocc infer {root} --out {root}/bev/predicted"
+    raise DataError(f"{root}: no maps in {root / 'bev'}{beside}; {how}")
 
 
 def say_stale(stale: Mapping[str, int]) -> None:

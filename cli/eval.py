@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from cli.bev_tables import show_evaluation
-from cli.common import JsonOption, RootArgument, VersionOption, emit, progress
+from cli.common import JsonOption, RootArgument, SourceOption, VersionOption, choose_source, emit, progress
 from cli.engine import LOCAL, ClusterOption, ProcessesOption, engine, processes, shared, shared_source
 from cli.eval_detections import detections
 from cli.eval_parses import parses
@@ -34,9 +34,7 @@ class GridSetting(StrEnum):
 @app.command()
 def bev(
     root: RootArgument,
-    source: Annotated[
-        str, typer.Option("--bev", help="Source of the maps: ROOT/bev/SOURCE, or a folder with a slash in its name.")
-    ],
+    bev: SourceOption = None,
     against: Annotated[
         TruthSource | None, typer.Option(help="The truth; default: exact if ROOT has it, else groundtruth.")
     ] = None,
@@ -53,6 +51,8 @@ def bev(
 ) -> None:
     """Evaluate BEV maps: IoU by class, colour errors and vehicles; by distance, visibility and weather.
 
+    The truth is compared with itself only if --bev names it.
+
     Example: appocc eval bev ROOT --bev groundtruth --against exact
     """
     from appocc.bevmap import bev_folder
@@ -64,6 +64,7 @@ def bev(
     scenes = [dataset.scene(scene)] if scene else list(dataset.scenes)
     if against is None:
         against = TruthSource.exact if bev_folder(root, "exact").is_dir() else TruthSource.groundtruth
+    source = choose_source(root, bev, against.value)
     question = EvaluationConfig(shared_source(cluster, source), against.value, setting is GridSetting.ahead, range_m)
     total = sum(len(dataset.samples(one)) for one in scenes)
     with (

@@ -46,6 +46,22 @@ def test_every_linked_file_exists() -> None:
     assert [link for link in links if not (ROOT / link).is_file()] == []
 
 
+@pytest.mark.parametrize(
+    ("section", "pictures"),
+    [
+        ("## In the browser", ["serve.png"]),
+        ("## With your own cameras", ["fisheye.jpg"]),
+        ("## Ground a command", ["grounding.png"]),
+        ("## Show it", ["report.png", "viewer.png"]),
+    ],
+)
+def test_what_is_looked_at_has_its_picture(section: str, pictures: list[str]) -> None:
+    text = README.read_text().partition(f"\n{section}\n")[2].partition("\n## ")[0]
+    assert re.findall(r"^!\[[^]]+\]\(docs/([\w.]+)\)$", text, flags=re.MULTILINE) == pictures
+    for name in pictures:
+        assert (ROOT / "docs" / name).stat().st_size < 500_000
+
+
 @pytest.mark.realdata
 def test_the_walkthrough_on_a_real_street_runs_line_by_line(walkthrough: Walkthrough) -> None:
     commands = ["convert", "groundtruth", "track", "ground", "infer", "eval"]

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from appocc.checks import FloatArray
-from appocc.errors import DataError
+from appocc.errors import DataError, shown
 from appocc.typing import PathLike
 
-_SHOWN_CHARACTERS = 80
 # Powers of larger numbers overflow; no calibration has any.
 _LARGEST = 1e12
 
@@ -42,12 +41,12 @@ class Fields:
         self._file, self._at = file, at
         self.where = f"{file}: {at or 'the file'}"
         if not isinstance(values, dict) or not values:
-            raise DataError(f"{self.where}: expected keys and values{_such_as(example)}, got {_shown(values)}")
+            raise DataError(f"{self.where}: expected keys and values{_such_as(example)}, got {shown(values)}")
         self._values: dict[Any, Any] = values
         self.keys = list(values)
         unknown = [key for key in values if known and key not in known]
         if unknown:
-            raise DataError(f"{self.where}: expected the keys {', '.join(known)}, got {_shown(unknown[0])}")
+            raise DataError(f"{self.where}: expected the keys {', '.join(known)}, got {shown(unknown[0])}")
 
     def name(self, key: object) -> str:
         """Return the file and the path of a key, for messages."""
@@ -75,7 +74,7 @@ class Fields:
 
     def refusal(self, key: str, expected: str, example: str = "") -> DataError:
         """Return the error that refuses the value of a key."""
-        got = _shown(self._values[key]) if key in self._values else "nothing"
+        got = shown(self._values[key]) if key in self._values else "nothing"
         return DataError(f"{self.name(key)}: expected {expected}{_such_as(example)}, got {got}")
 
     def one_of(self, *keys: str, example: str) -> str:
@@ -163,10 +162,3 @@ def _number(value: Any) -> float | None:
 
 def _such_as(example: str) -> str:
     return f", such as {example}" if example else ""
-
-
-def _shown(value: Any) -> str:
-    if value is None:
-        return "nothing"
-    text = " ".join(repr(value).split())
-    return text if len(text) <= _SHOWN_CHARACTERS else f"{text[:_SHOWN_CHARACTERS]}..."

@@ -78,8 +78,10 @@ def _with_calibration(fields: Fields, folder: Path) -> Fields:
         return fields
     found = read_calibration(fields, folder)
     for key in fields.keys:
-        if key in OPTICS_KEYS or (key == "size_px" and key in found):
+        if key in OPTICS_KEYS:
             raise fields.refusal(key, "nothing, as the calibration file has it")
+    if "size_px" in fields and "size_px" in found and _size_px(fields) != (size := _size_px(fields.having(**found))):
+        raise fields.refusal("size_px", f"nothing, or the size in the calibration file, {size[0]}x{size[1]}")
     if "size_px" not in fields and "size_px" not in found:
         raise fields.refusal("size_px", "the width and height of the picture, which the file lacks", "[1920, 1080]")
     # A pose in the rig file is meant, whatever the calibration file has.

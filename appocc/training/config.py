@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -10,7 +9,8 @@ from typing import Annotated, Any, Literal
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from appocc.errors import DataError
+from appocc.errors import DataError, shown
+from appocc.jsonparts import first_problem
 from appocc.yaml_file import parse_yaml, read_yaml
 
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -18,7 +18,6 @@ NotNegative = Annotated[float, Field(ge=0)]
 Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=1)]
 PerClass = tuple[NotNegative, NotNegative, NotNegative]
-_MAX_SHOWN = 100  # characters of a wrong value in an error
 
 
 class _Section(BaseModel):
@@ -54,7 +53,7 @@ class DataConfig(_Section):
     def _one_or_several(cls, value: object) -> object:
         roots = [value] if isinstance(value, str) else value
         if not isinstance(roots, list | tuple) or not roots or not all(isinstance(root, str) for root in roots):
-            raise ValueError(f"expected a folder or a list of folders, got {repr(value)[:_MAX_SHOWN]}")
+            raise ValueError(f"expected a folder or a list of folders, got {shown(value)}")
         return value
 
     @property
@@ -264,7 +263,7 @@ def read_config(path: Path, overrides: Sequence[str] = ()) -> Config:
     try:
         return Config.model_validate(values)
     except ValidationError as error:
-        raise DataError(_error_message(path, error, replaced)) from error
+        raise DataError(f"{_place(path, error, replaced)}: {first_problem(error, Config)}") from error
 
 
 def _override(values: dict[Any, Any], text: str) -> tuple[str, str]:
@@ -284,33 +283,11 @@ def _override(values: dict[Any, Any], text: str) -> tuple[str, str]:
     return key, text
 
 
-def _error_message(path: Path, error: ValidationError, replaced: dict[str, str]) -> str:
-    """Describe the first validation error and its key."""
-    first = error.errors()[0]
-    keys = [str(part) for part in first["loc"]]
-    key = ".".join(keys)
+def _place(path: Path, error: ValidationError, replaced: dict[str, str]) -> str:
+    """Return the file of the first validation error, with the override that it is about."""
+    key = ".".join(map(str, error.errors()[0]["loc"]))
     overriding = [text for name, text in replaced.items() if key == name or key.startswith(f"{name}.")]
-    place = f"{path} with {overriding[0]}" if overriding else f"{path}"
-    if first["type"] == "extra_forbidden":
-        known = _names(keys[:-1])
-        near = difflib.get_close_matches(keys[-1], known, n=1)
-        guess = f" (did you mean {'.'.join([*keys[:-1], *near])}?)" if near else ""
-        return f"{place}: {key}: no such key{guess}; expected one of {', '.join(known)}"
-    if first["type"] == "missing":
-        return f"{place}: {key}: expected a value, got none"
-    message = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
-    got = "" if first["type"] == "value_error" else f", got {repr(first['input'])[:_MAX_SHOWN]}"
-    return ": ".join(filter(None, (place, key, message))) + got
-
-
-def _names(keys: Sequence[str]) -> list[str]:
-    """Return the valid names below these keys."""
-    part: type[BaseModel] = Config
-    for key in keys:
-        inner = part.model_fields[key].annotation
-        assert isinstance(inner, type)
-        part = inner
-    return list(part.model_fields)
+    return f"{path} with {overriding[0]}" if overriding else f"{path}"
 
 
 def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:

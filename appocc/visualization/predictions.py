@@ -17,16 +17,7 @@ from appocc.visualization.labels import LabelPlacer
 from appocc.visualization.layout import side_by_side, stack_centred
 from appocc.visualization.vehicle_marks import VehicleMarks
 
-<<<<<<< HEAD
-# What a panel shows of a map, and its caption.
-PANELS = {
-    "appearance": "colour from above, ahead is up",
-    "occupancy": "road grey, line markings yellow, vehicles blue",
-}
-_CELL_PX, _GAP_PX, _MIN_WIDTH_PX, _CAPTION_PX, _AWAY_PX = 4, 8, 1200, 26, 14
-=======
-_SCALE, _GAP_PX, _MIN_WIDTH_PX, _AWAY_PX = 4, 8, 1200, 14
->>>>>>> hour
+_CELL_PX, _GAP_PX, _MIN_WIDTH_PX, _AWAY_PX = 4, 8, 1200, 14
 
 
 def prediction_figure(frame: Frame, bev: BEVMap, vehicles: VehicleMarks) -> ByteArray:

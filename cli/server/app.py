@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 from threading import Thread
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 from starlette.applications import Starlette
@@ -17,6 +17,7 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route
 
 from appocc.errors import AppoccError, DataError, NotFoundError
+from appocc.jsonparts import first_problem
 from appocc.simulation.builtin import TEST_TOWNS, TRAIN_TOWNS
 from appocc.simulation.scenario import WEATHER_SHARES
 from cli.common import say
@@ -252,8 +253,7 @@ def _checked(form: type[_Form], request: Request) -> _Form:
     try:
         return form.model_validate(request.state.body)
     except ValidationError as error:
-        first: Any = error.errors()[0]
-        raise DataError(f"{'.'.join(str(part) for part in first['loc'])[:80]}: {first['msg']}") from error
+        raise DataError(first_problem(error, form)) from error
 
 
 async def _page_file(request: Request) -> Response:

@@ -297,7 +297,7 @@ def test_a_damaged_result_is_refused(root: Path, tmp_path: Path) -> None:
         with pytest.raises(DataError, match=r"result\.json: damaged \(.*evaluation\."):
             study.outcomes()
     result.write_text(json.dumps({"key": whole["key"]}))
-    with pytest.raises(DataError, match=r"result\.json: damaged \(there is no evaluation\)"):
+    with pytest.raises(DataError, match=r"result\.json: damaged \(evaluation: expected a value, got nothing\)"):
         study.outcomes()
     result.write_text("{")
     with pytest.raises(DataError, match=r"result\.json: no valid JSON"):

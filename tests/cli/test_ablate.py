@@ -116,7 +116,7 @@ def test_a_diverged_row_gives_exit_code_1_and_the_others_run(folder: Path) -> No
     ("arguments", "said"),
     [
         (["none.yaml"], "none.yaml: cannot be read"),
-        (["first.yaml", "train.lr=high"], "train.lr: expected a valid number"),
+        (["first.yaml", "train.lr=high"], "train.lr: expected a number"),
         (["first.yaml", "data.train=nowhere"], "nowhere: no such folder"),
         (["first.yaml", "data.val=nowhere"], "nowhere: no such folder"),
         (["first.yaml", "--test", "nowhere"], "nowhere: no such folder"),

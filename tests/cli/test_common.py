@@ -59,6 +59,15 @@ def test_the_only_source_is_taken_else_groundtruth_else_one_must_be_named(tmp_pa
         choose_source(tmp_path, None)
 
 
+def test_maps_are_not_compared_with_themselves_by_default(tmp_path: Path) -> None:
+    root = made_sources(tmp_path, "groundtruth")
+    with pytest.raises(DataError, match=r"no maps in .*bev beside groundtruth; make them with: appocc infer"):
+        choose_source(root, None, truth="groundtruth")
+    assert choose_source(made_sources(root, "mine"), None, truth="groundtruth") == "mine"
+    assert choose_source(made_sources(root, "exact"), None, truth="exact") == "groundtruth"
+    assert choose_source(root, "exact", truth="exact") == "exact"
+
+
 def test_a_progress_bar_within_another_one_is_a_line_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rich.console.Console.is_terminal", True)
     with progress("outer", 2) as outer:

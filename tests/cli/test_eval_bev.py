@@ -42,8 +42,8 @@ def street(tiny: TinyDataset) -> TinyDataset:
     return tiny
 
 
-def run(root: Path, source: str, *more: str) -> Result:
-    return CliRunner().invoke(app, ["eval", "bev", str(root), "--bev", source, *more])
+def run(root: Path, source: str | None, *more: str) -> Result:
+    return CliRunner().invoke(app, ["eval", "bev", str(root), *(["--bev", source] if source else []), *more])
 
 
 def answer(root: Path, source: str, *more: str) -> dict[str, Any]:
@@ -189,6 +189,13 @@ def test_missing_maps_are_reported_in_one_line(street: TinyDataset) -> None:
     assert "appocc infer" in str(result.exception)
     result = run(street.root, "groundtruth", "--against", "exact")
     assert "3 of 3 samples have no BEV map" in str(result.exception)
+
+
+def test_without_a_source_the_maps_beside_the_truth_are_taken_or_listed(street: TinyDataset) -> None:
+    result = run(street.root, None, "--json")
+    assert json.loads(result.stdout)["source"] == "model"
+    (street.root / "bev" / "other").symlink_to(street.root / "bev" / "model")
+    assert "expected --bev, one of model, other" in str(run(street.root, None).exception)
 
 
 def test_maps_of_two_models_are_rejected(street: TinyDataset) -> None:

@@ -103,6 +103,13 @@ def test_bad_input_has_one_clear_line(street: TinyDataset, words: list[str], rea
     assert reason in str(result.exception)
 
 
+def test_the_file_is_checked_before_the_truth_is_read(street: TinyDataset) -> None:
+    for path in (street.root / "bev" / "groundtruth").glob("*.npz"):
+        path.write_bytes(b"damaged")
+    result = run(street.root, "--detections", "missing.json")
+    assert str(result.exception).startswith("missing.json: cannot be read")
+
+
 def test_damaged_results(street: TinyDataset) -> None:
     path = street.root / "results.json"
     content = json.loads(path.read_text())

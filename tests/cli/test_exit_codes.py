@@ -69,7 +69,7 @@ CASES = [
         "blanks.txt: line 1: expected at",
     ),
     (["eval", "tracks", "--gt", "{root}/good.txt", "--tracks", "{root}/cut.json"], "cut.json: no valid JSON"),
-    (["eval", "tracks", "--gt", "{root}", "--tracks", "{root}/tracks.json"], "no results.a.0.translation"),
+    (["eval", "tracks", "--gt", "{root}", "--tracks", "{root}/tracks.json"], "translation: expected a value"),
     (["eval", "tracks", "--gt", "{root}", "--tracks", "{root}/good.txt"], "expected nuScenes JSON"),
     (["ground", "park", "{root}", "--scene", "scene-tiny", "--frame", "99"], "frames 0..2, not 99"),
     (["ground", "park", "{root}", "--scene", "scene-tiny", "--frame", "-1"], "not -1"),

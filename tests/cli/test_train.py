@@ -77,7 +77,7 @@ def test_a_run_and_its_repetition(
     ("arguments", "said"),
     [
         (["none.yaml"], "none.yaml: cannot be read"),
-        (["first.yaml", "train.lr=high"], "train.lr: expected a valid number"),
+        (["first.yaml", "train.lr=high"], "train.lr: expected a number"),
         (["first.yaml", "--resume"], "no run to resume"),
         (["first.yaml", "--out", "first.yaml"], "expected a new or empty folder, got a file"),
         (["first.yaml", "--out", "."], "expected a new or empty folder, got one with first.yaml"),

@@ -71,10 +71,13 @@ def test_weights_without_a_run_can_be_shown(written: Path, tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("[1]", "expected a valid dictionary, got '[1]'"),
-        ('{"iou": {"road": 0.5}}', "there is no samples"),
+        ("[1]", "expected keys and values, got [1]"),
+        ('{"iou": {"road": 0.5}}', "samples: expected a value, got nothing"),
         ('{"samples": 9, "iou": {"road": NaN}}', "iou.road: expected a finite number"),
-        ('{"samples": 9, "iou": {}, "iou_at_threshold": {"road": 61}}', "iou_at_threshold.road: expected less than"),
+        (
+            '{"samples": 9, "iou": {}, "iou_at_threshold": {"road": 61}}',
+            "iou_at_threshold.road: expected 1 or less, got 61",
+        ),
     ],
 )
 def test_figures_must_be_an_evaluation(written: Path, tmp_path: Path, text: str, reason: str) -> None:
@@ -97,12 +100,12 @@ def test_other_suffixes_are_rejected(written: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("entry", "text", "reason"),
     [
-        ("training", '{"foo": 1}', "there is no training.train"),
-        ("validation", "3", "validation: expected a valid dictionary, got '3'"),
-        ("figures", '{"samples": 1, "iou": {"road": "x"}}', "figures.iou.road: expected a valid number, got 'x'"),
-        ("commands", "3", "commands: expected a valid list, got '3'"),
-        ("step", "many", "step: expected a valid integer, got 'many'"),
-        ("figures", "[" * 100_000, "figures: expected a valid dictionary"),
+        ("training", '{"foo": 1}', "training.train: expected a value, got nothing"),
+        ("validation", "3", "validation: expected keys and values, got 3"),
+        ("figures", '{"samples": 1, "iou": {"road": "x"}}', "figures.iou.road: expected a number, got 'x'"),
+        ("commands", "3", "commands: expected a list, got 3"),
+        ("step", "many", "step: expected a whole number, got 'many'"),
+        ("figures", "[" * 100_000, "figures: expected keys and values"),
     ],
 )
 def test_an_invalid_card_is_reported(tmp_path: Path, entry: str, text: str, reason: str) -> None:

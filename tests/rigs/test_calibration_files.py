@@ -211,6 +211,12 @@ def test_cameras_of_colmap(tmp_path: Path) -> None:
         read_one(tmp_path, "calibration: {file: cameras.txt, camera: 4}", AHEAD)
 
 
+def test_the_poses_of_colmap_are_in_a_frame_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "images.txt").write_text("# Image list with two lines of data per image:\n1 1 0 0 0 0 0 0 1 a.jpg\n")
+    with pytest.raises(DataError, match=r"images.txt: expected COLMAP's cameras.txt, got its images.txt: its poses"):
+        read_one(tmp_path, "calibration: images.txt", AHEAD)
+
+
 def test_a_refused_value_of_a_calibration_file_is_told_with_the_file(tmp_path: Path) -> None:
     (tmp_path / "left.yaml").write_text(ROS.replace("461.6", "0.6138"))
     with pytest.raises(DataError, match=r"rig.yaml: cameras.front.intrinsic: expected focal .*file is left.yaml$"):
@@ -274,7 +280,10 @@ def test_what_is_no_calibration_is_told_in_one_line(tmp_path: Path, text: str, r
 
 def test_keys_that_the_calibration_file_has(tmp_path: Path) -> None:
     (tmp_path / "left.yaml").write_text(ROS)
-    for key, value in (("size_px", [752, 480]), ("fov_deg", 70), ("distortion", [0, 0, 0, 0])):
+    assert same(read_one(tmp_path, "calibration: left.yaml", "size_px: [752, 480]", AHEAD).cameras[0].lens, RADTAN)
+    with pytest.raises(DataError, match=r"size_px: expected nothing, or the size in the calibration file, 752x480, "):
+        read_one(tmp_path, "calibration: left.yaml", "size_px: [640, 480]", AHEAD)
+    for key, value in (("fov_deg", 70), ("distortion", [0, 0, 0, 0])):
         with pytest.raises(DataError, match=rf"cameras.front.{key}: expected nothing, as the calibration"):
             read_one(tmp_path, "calibration: left.yaml", f"{key}: {value}", AHEAD)
     with pytest.raises(DataError, match=r"calibration.circle_deg: expected nothing for a lens that is no fisheye"):

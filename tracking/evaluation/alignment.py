@@ -70,8 +70,8 @@ class AlignedFiles:
 def align_files(truth: Path, tracks: Path, version: str | None = None) -> AlignedFiles:
     """Read ground truth (a file, or the root of a dataset) and a file of tracks, and align their frames.
 
-    Folders are pooled: a folder of text files with a folder of files of the same names as ground truth, or, with a
-    dataset, all files tracking.json in a folder.
+    Folders are pooled: a folder of text files with a folder of files of the same names as ground truth, or else, with
+    a dataset, all files tracking.json in a folder, such as that of one scene.
 
     Raises:
         DataError: if one is damaged, the formats differ, or the tracks lack a sample of the ground truth.
@@ -101,10 +101,15 @@ def align_files(truth: Path, tracks: Path, version: str | None = None) -> Aligne
 
 def _pooled(truth: Path, tracks: Path, version: str | None) -> AlignedFiles:
     """Align the files of two folders by name, or the files tracking.json of a folder with a dataset."""
-    files = sorted(tracks.glob("*.txt"))
-    if files and not truth.is_dir():
-        raise DataError(f"{truth}: expected a folder, as {tracks} is, got a file")
-    pairs = [(truth / path.name, path) for path in files] or [(truth, path) for path in _json_files(tracks)]
+    texts, tables = sorted(tracks.glob("*.txt")), sorted(tracks.rglob("tracking.json"))
+    missing = [path.name for path in texts if not (truth / path.name).is_file()]
+    if tables and len(missing) == len(texts):  # the folder of a scene has its tracks in both formats
+        pairs = [(truth, path) for path in tables]
+    elif missing:
+        expected = f"a folder with {missing[0]}, as {tracks} is, or tracking.json there"
+        raise DataError(f"{truth}: expected {expected}, got neither")
+    else:
+        pairs = [(truth / path.name, path) for path in texts]
     if not pairs:
         raise DataError(f"{tracks}: expected files NAME.txt or tracking.json, got none")
     parts = [align_files(*pair, version) for pair in pairs]
@@ -118,10 +123,6 @@ def _pooled(truth: Path, tracks: Path, version: str | None) -> AlignedFiles:
         for frame in part.frames
     )
     return AlignedFiles(parts[0].format, frames, parts[0].annotated, sum(part.without_truth for part in parts))
-
-
-def _json_files(folder: Path) -> list[Path]:
-    return sorted(folder.rglob("tracking.json"))
 
 
 def _at(file: TrackFile, key: str | int) -> FrameEntries:

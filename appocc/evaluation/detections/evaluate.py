@@ -13,7 +13,7 @@ from appocc.checks import FloatArray, check_distance
 from appocc.errors import DataError, ShapeError
 from appocc.evaluation.detections.benchmark import BenchmarkScores, score_benchmark
 from appocc.evaluation.detections.box_table import detected_boxes
-from appocc.evaluation.detections.truth import Truth, read_truth
+from appocc.evaluation.detections.truth import read_truth
 from appocc.evaluation.detections.vehicles import VehicleDetection, score_vehicle_detection
 from appocc.evaluation.pairs import FRAMES_AT_ONCE, check_maps_exist
 from appocc.files import read_json
@@ -120,8 +120,9 @@ def evaluate_detections(
         raise DataError(f"{dataset.root}: no annotated key frames to compare with")
     if config.against is not None:
         check_maps_exist(dataset.root, config.against, samples)
+    # First, as a file that is wrong is told at once, and the truth takes long.
+    boxes = _read_detections(dataset, samples, config.source, pool)
     truth = read_truth(dataset, samples, config.against, advance, pool)
-    boxes = _read_detections(dataset, samples, config.source, truth, pool)
     try:
         detected = detected_boxes(boxes, truth.world_from_ego, truth.racks)
     except ShapeError as error:
@@ -132,7 +133,7 @@ def evaluate_detections(
 
 
 def _read_detections(
-    dataset: Dataset, samples: Sequence[Sample], source: Path | str, truth: Truth, pool: Engine | None
+    dataset: Dataset, samples: Sequence[Sample], source: Path | str, pool: Engine | None
 ) -> list[list[ResultBox]]:
     if isinstance(source, Path):
         boxes = read_boxes(source, read_json(source), [sample.token for sample in samples])
@@ -141,7 +142,7 @@ def _read_detections(
             raise DataError(f"{source}: expected at most {MOST_PER_SAMPLE} boxes a sample, got {most}")
         return boxes
     check_maps_exist(dataset.root, source, list(samples))
-    inputs = zip((sample.token for sample in samples), truth.world_from_ego, strict=True)
+    inputs = ((sample.token, dataset.world_from_ego(sample)) for sample in samples)
     return list(in_order(pool, partial(_map_boxes, root=dataset.root, source=source), inputs, FRAMES_AT_ONCE))
 
 

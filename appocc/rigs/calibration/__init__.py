@@ -60,6 +60,7 @@ def read_calibration(fields: Fields, folder: Path) -> dict[str, Any]:
 
 def _keys_of(path: Path, wanted: Wanted) -> dict[str, Any]:
     text = read_text(path, _MOST_BYTES)
+    colmap.refuse_images(text, path)
     if colmap.is_list(text):
         return colmap.camera_keys(text, wanted)
     if scaramuzza.is_camera(text):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 from appocc.errors import DataError
@@ -28,6 +29,17 @@ def is_list(text: str) -> bool:
     """Whether a text is a list of cameras."""
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     return bool(lines) and all(_LINE.match(line) for line in lines)
+
+
+def refuse_images(text: str, path: Path) -> None:
+    """Check that a text is not COLMAP's list of images, images.txt.
+
+    Raises:
+        DataError: if it is.
+    """
+    if re.match(r"#.*image list", text, re.IGNORECASE):
+        poses = "its poses are in a frame and a scale of COLMAP's own; write position_m and yaw_deg, or ego_from_cam"
+        raise DataError(f"{path}: expected COLMAP's cameras.txt, got its images.txt: {poses}")
 
 
 def camera_keys(text: str, wanted: Wanted) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -249,6 +250,25 @@ def test_hostile_bodies_get_one_line(body: bytes, client: TestClient) -> None:
     answer = client.post("/api/talk", content=body, headers=JSON)
     assert answer.status_code in (400, 404)
     assert set(answer.json()) == {"error"}
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "reason"),
+    [
+        ("talk", {"recording": 1}, "recording: expected a text, got 1"),
+        ("talk", {}, "recording: expected a value, got nothing"),
+        ("talk", {"recording": "x", "frame": "next"}, "frame: expected a whole number, got 'next'"),
+        ("talk", {"recording": "x", "say": "a" * 2001}, "say: expected at most 2000 characters, got 'aaa"),
+        ("talk", {"recording": "x", "sey": "go"}, "sey: no such key (did you mean say?); expected one of talk, "),
+        ("drives", {"town": "t", "weather": "w", "seconds": 90}, "seconds: expected 60 or less, got 90"),
+    ],
+)
+def test_wrong_bodies_are_told_key_expected_and_got(
+    path: str, body: dict[str, Any], reason: str, client: TestClient
+) -> None:
+    answer = client.post(f"/api/{path}", json=body)
+    assert answer.status_code == 400
+    assert answer.json()["error"].startswith(reason)
 
 
 def test_a_large_body_is_refused(client: TestClient) -> None:

@@ -267,6 +267,18 @@ def test_scenes_share_no_ids(tiny: TinyDataset, tmp_path: Path) -> None:
     }
 
 
+def test_the_folder_of_one_scene_has_its_tracks_in_both_formats(tiny: TinyDataset, tmp_path: Path) -> None:
+    folder = tmp_path / "scene"
+    folder.mkdir()
+    text(folder / "mot.txt", "1,1,0,0,10,10,1")
+    with pytest.raises(DataError, match=rf"{tiny.root}: expected a folder with mot.txt, .*, got neither"):
+        evaluate_files(tiny.root, folder, EvaluationOptions())
+    tracks_of(tiny, folder / "tracking.json")
+    assert evaluate_files(tiny.root, folder, EvaluationOptions()).metrics.MOTA == 1
+    truth = text(tmp_path / "mot.txt", "1,1,0,0,10,10,1").parent
+    assert evaluate_files(truth, folder, EvaluationOptions()).protocol["format"] == "MOTChallenge text"
+
+
 # The command ------------------------------------------------------------------------------------------------------
 
 

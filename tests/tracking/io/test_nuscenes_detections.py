@@ -116,7 +116,7 @@ BROKEN_SCENES = [
     ([key_frame(det={"two": []})], "expected boxes of 'one', got those of two"),
     ([key_frame(ego2global=(2 * np.eye(4)).tolist())], "ego2global: expected a rotation"),
     ([key_frame(ego2global=[[1.0]])], "scene.0.ego2global"),
-    ([key_frame(gt=[{"id": 1}])], "there is no scene.0.gt.0.name"),
+    ([key_frame(gt=[{"id": 1}])], "scene.0.gt.0.name: expected a value, got nothing"),
 ]
 
 

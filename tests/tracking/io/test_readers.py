@@ -87,7 +87,7 @@ DAMAGED = [
     ({"a": [box(translation=[1.0, 2.0])]}, "results.a.0.translation"),
     ({"a": [box(translation=[1.0, float("nan"), 0.0])]}, "results.a.0.translation.1"),
     ({"a": [box(translation=[1e12, 0.0, 0.0])]}, "sample a: expected places up to 1e+09 m"),
-    ({"a": [{"tracking_id": "1"}]}, "there is no results.a.0.translation"),
+    ({"a": [{"tracking_id": "1"}]}, "results.a.0.translation: expected a value, got nothing"),
     ({"a": [box(tracking_score="high")]}, "results.a.0.tracking_score"),
     ({"a": [box(), box()]}, "sample a: expected each id once in a frame, got 't1' twice"),
     ("{", "no valid JSON"),
