@@ -62,7 +62,12 @@ BODIES: dict[str, tuple[tuple[float, float, float], str]] = {
 
 
 # What the files' relations are for those that they lack: who stops before a car stands behind it.
-_ALSO = {"between": {"behind", "in_front_of"}, "before": {"behind"}, "at": {"near", "next_to"}, "toward": {"near", "next_to"}}
+_ALSO = {
+    "between": {"behind", "in_front_of"},
+    "before": {"behind"},
+    "at": {"near", "next_to"},
+    "toward": {"near", "next_to"},
+}
 # Relations that an action implies where none is said.
 _IMPLIED = {"follow": "behind", "overtake": "past", "drive_past": "past"}
 

@@ -55,7 +55,7 @@ def test_nothing_changes_where_both_agree() -> None:
     ],
 )
 def test_the_network_changes_one_field_where_the_grammar_left_words_out(field: str, value: str, before: str) -> None:
-    prediction = predict(0.9, (), **{field: value})
+    prediction = predict(0.9, (), (), **{field: value})
     assert revise(QUERY, READ, prediction, RULE).changed == ()
     revision = revise(QUERY, GUESSED, prediction, RULE)
     assert revision.changed == ((field, before, value),)
