@@ -23,7 +23,7 @@ from grounding.vocabulary import REFUSED, Action
 _LEAST = 1e-4
 # What the grammar's vote gains where it understood every word (nats; a field, a qualifier): the weights are
 # fitted on sentences of strangers, and it is better on plain ones.
-_TRUST, _TRUST_QUALIFIER = 3.0, 1.5
+_TRUST, _TRUST_QUALIFIER = 5.0, 1.5
 # Least log odds at which a sentence is a command that the grammar takes for none, and at which it remains one.
 _LEAST_ODDS, _LEAST_ODDS_KEPT = 1.0, 1.0
 # Least probability of an action, beside the main one, that stays commanded: "two mins" is no wait.
