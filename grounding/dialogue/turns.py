@@ -25,6 +25,8 @@ _SURE, _SURE_CHOICE, _LIKELY, _LEAST_QUALIFIER = 0.5, 0.62, 0.3, 0.5
 _LEAST = 1e-4
 # Acts that choose or change nothing but by the words of the turn.
 _HARMLESS = ("describe", "place", "heading", "why", "repeat", "seen", "about", "count", "seek", "room", "remark")
+# Least probability that all is to be dropped.
+_SURE_CANCEL = 0.7
 # Least probability of a reply where the grammar finds a command.
 _SURE_AGAINST = 0.75
 # The same where a pattern covers all words.
@@ -143,13 +145,23 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     act = max(scores, key=scores.__getitem__)
     if act == own[0] != "command" or (act in ("yes", "remark", "pause") and own[0] == "command"):
         return None  # the patterns of replies know the details; "all right, wait behind it" is a command
-    doubted = _is_command(reading) and act not in ("command", "then")
-    needed = max(_SURE_AGAINST if doubted else _SURE, 0.0 if act in _HARMLESS else _SURE_CHOICE)
-    needed = _SURE_AGAINST_PATTERN if own[0] and own[1] == 1 else needed
     number, distance_m = reply.number or _number(tokens), named_distance(text, talk.grounder.lexicon)
     if distance_m is None and act in _MEASURED and any(one.category is WordCategory.NUMBER for one in tokens):
         distance_m = number and float(number)  # "three more": metres
+    needed = _least_probability(talk, reply, reading, act, own)
     return Turn(act, scores[act], prediction, number, distance_m, needed)
+
+
+def _least_probability(talk: Conversation, reply: Reply, reading: Reading, act: str, own: tuple[str, int]) -> float:
+    """Return the least probability at which an act is believed whatever the grammar finds."""
+    doubted = _is_command(reading) and act not in ("command", "then")
+    # "Don't wait" may be about one step only, and "skip the stop".
+    partly = doubted or "without" in reply.kinds or len(talk.state.plan) > 1
+    if (own[0] and own[1] == 1) or (act == "cancel" and reply.rest and partly):
+        return _SURE_AGAINST_PATTERN
+    if act == "cancel":
+        return _SURE_CANCEL
+    return max(_SURE_AGAINST if doubted else _SURE, _SURE if act in _HARMLESS else _SURE_CHOICE)
 
 
 def _is_command(reading: Reading) -> bool:

@@ -27,7 +27,7 @@ _TRUST, _TRUST_QUALIFIER = 5.0, 1.5
 # Least log odds at which a sentence is a command that the grammar takes for none, and at which it remains one.
 _LEAST_ODDS, _LEAST_ODDS_KEPT = 1.0, 1.0
 # Least probability of an action, beside the main one, that stays commanded: "two mins" is no wait.
-_LEAST_ACTION = 0.2
+_LEAST_ACTION = 0.05
 # Most words of a sentence that the grammar understands and is believed about: "the one on the left" is no command.
 _SHORT = 6
 # Actions that may stand for what a sentence forbids: "don't overtake it" is `other`.
