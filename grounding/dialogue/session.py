@@ -225,18 +225,12 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
         if act in ("describe", "place") and not reply.kinds and talk.readings(text)[0].problem:
             return ask_to_stop(talk, text, reply.rest)
         return _ACTS[act](talk, text) if act in _WITHOUT_COMMAND else None
-    if "meant" in reply.kinds and reply.rest and act in ("pause", "remark", "cancel"):
-        return None  # "oh wait, I meant right"
-    if state.question is not None and all_but(talk, reply.rest, state.question):
-        return answer_fragment(talk, text, reply)  # "not the near one"
-    if act == "other" and _names_place_only(talk, reply.rest):
-        return None  # "the other van. In front of it"
+    if _says_more(talk, reply, act):
+        return None
     if act == "no" and "cancel" in reply.kinds:
         return cancel(talk, text)
     if act == "number":
         return _answer_number(talk, text, reply, turn.number)
-    if act in ("shift", "more", "less") and reply.leading_shift and _names_place_only(talk, reply.rest):
-        return answer_fragment(talk, text, reply)  # "a bit before it"
     if act == "shift":
         moved = shift_from_named(talk, text, reply)
         return moved or shift_last(talk, text, Shift(turn.shift, turn.distance_m or BIT_M))
@@ -250,6 +244,16 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     if act == "room":
         return tell_room(talk, text, reply.rest or text)
     return _ACTS[act](talk, text) if act in _ACTS else None
+
+
+def _says_more(talk: Conversation, reply: Reply, act: str) -> bool:
+    """Return whether a turn says more than its act, which the grammar reads."""
+    if act in ("pause", "remark", "cancel"):
+        return "meant" in reply.kinds and bool(reply.rest)  # "oh wait, I meant right"
+    if act == "other" or (act in ("shift", "more", "less") and reply.leading_shift):
+        return _names_place_only(talk, reply.rest)  # "the other van. In front of it", "a bit before it"
+    question = talk.state.question
+    return question is not None and bool(all_but(talk, reply.rest, question))  # "not the near one"
 
 
 def _answer_number(talk: Conversation, text: str, reply: Reply, number: int | None) -> Answer | None:
