@@ -46,7 +46,7 @@ class JsonPart(BaseModel):
 
 
 def first_problem(error: ValidationError, model: type[BaseModel] | None = None) -> str:
-    """Return the first problem of a validation error in one line: key, what is expected, what came instead.
+    """Return the first problem of a validation error in one line: key, expected, got.
 
     Args:
         error: the error.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from cli.common import say, wide_console
@@ -26,10 +26,15 @@ def show_evaluation(answer: dict[str, Any]) -> None:
         console.print(_calibration_table(answer["calibration"]))
 
 
-def _parts(answer: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
-    """Return the parts of the cells, each with its name: rings, seen and unseen cells, weathers."""
-    groups = ("by_range", "by_sight", "by_weather")
-    return [named for group in groups for named in (answer[group] or {}).items()]
+def _add_parts(
+    table: Table, answer: dict[str, Any], row: Callable[[str, dict[str, Any]], None], intervals: Sequence[str]
+) -> None:
+    """Add a row of all cells, one of intervals, and one of each part: rings, seen and unseen cells, weathers."""
+    row("all", answer)
+    _add_intervals(table, intervals)
+    for group in ("by_range", "by_sight", "by_weather"):
+        for name, part in (answer[group] or {}).items():
+            row(name, part)
 
 
 def _class_table(answer: dict[str, Any]) -> Table:
@@ -44,12 +49,9 @@ def _class_table(answer: dict[str, Any]) -> Table:
             name, *(_number(100 * v) for key in ("iou", "iou_at_threshold") for v in (part[key] or {}).values())
         )
 
-    row("all", answer)
     ranges = answer["confidence"]
     bounds = [*ranges["iou"].values(), *ranges.get("iou_at_threshold", {}).values()]
-    _add_intervals(table, [_range(each, 100) for each in bounds])
-    for name, part in _parts(answer):
-        row(name, part)
+    _add_parts(table, answer, row, [_range(each, 100) for each in bounds])
     return table
 
 
@@ -62,12 +64,9 @@ def _colour_table(answer: dict[str, Any]) -> Table:
         colours = (part["appearance_l1"], *part["appearance_l1_by_class"].values(), part["appearance_psnr"])
         table.add_row(name, *map(_number, colours))
 
-    row("all", answer)
     ranges = answer["confidence"]
     bounds = [ranges["appearance_l1"], *ranges["appearance_l1_by_class"].values()]
-    _add_intervals(table, [_range(each, 1) for each in bounds])
-    for name, part in _parts(answer):
-        row(name, part)
+    _add_parts(table, answer, row, [_range(each, 1) for each in bounds])
     return table
 
 

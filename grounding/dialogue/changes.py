@@ -8,7 +8,7 @@ from dataclasses import replace
 from grounding.answer import Answer
 from grounding.answering import Request, without
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.descriptions import find_fitting, widen
+from grounding.dialogue.descriptions import find_fitting, reading_of, widen
 from grounding.dialogue.fragments import (
     begins_with_place,
     complete,
@@ -114,10 +114,7 @@ def _answer_description(
 def described_by(turn: Turn | None, antecedent: Referent | None) -> Reading | None:
     """Return the partial reading of the vehicle that the reader of turns finds described; None without one."""
     referent = turn.described(antecedent) if turn is not None else None
-    if referent is None:
-        return None
-    query = Query("", referent=referent)
-    return Reading(query, steps=(query,))
+    return None if referent is None else reading_of(referent)
 
 
 def all_but(talk: Conversation, words: str, question: Answer) -> list[Candidate]:

@@ -9,11 +9,10 @@ import numpy as np
 from grounding.answer import Answer
 from grounding.answering import Request, accept_proposal, without
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.descriptions import find_fitting, without_qualifiers
+from grounding.dialogue.descriptions import find_fitting, reading_of, without_qualifiers
 from grounding.dialogue.reports import ask_again, inform, keep, not_understood
 from grounding.dialogue.telling import said
-from grounding.language import Reading
-from grounding.query import Query, Referent
+from grounding.query import Referent
 from grounding.referent.resolver import resolve
 from grounding.road.lane_model import LANE_M
 
@@ -49,8 +48,8 @@ def take_any(talk: Conversation, text: str) -> Answer:
     question, request = talk.state.question, talk.state.request
     if question is None or request is None or not question.candidates:
         return confirm(talk, text)
-    near = replace(Query(text), referent=Referent("vehicle", "one", qualifiers=("own_side",)))
-    ours = find_fitting(Reading(near, steps=(near,)), question.candidates, talk.scene)
+    on_our_side = reading_of(Referent("vehicle", "one", qualifiers=("own_side",)))
+    ours = find_fitting(on_our_side, question.candidates, talk.scene)
     return talk.choose((ours or question.candidates)[0], request, text)
 
 

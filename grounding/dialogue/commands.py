@@ -92,10 +92,10 @@ def answer_command(
 
 def ask_to_stop(talk: Conversation, text: str, words: str) -> Answer | None:
     """Ask whether a first sentence without a verb asks for a stop: "the yellow one"; None if it names no vehicle."""
-    for phrase in ("stop near {}", "stop near the {}", "stop {}"):
-        reading = talk.readings(phrase.format(words), Referent("vehicle", "one"))[0]
+    for command in (f"stop near {words}", f"stop near the {words}", f"stop {words}"):
+        reading = talk.readings(command, Referent("vehicle", "one"))[0]
         if is_understood(reading) and reading.query.referent is not None:
-            doubted = replace(reading, doubt=f"do you mean '{phrase.format(words)}'?")
+            doubted = replace(reading, doubt=f"do you mean '{command}'?")
             answer = talk.grounder.check(text, doubted, talk.grounder.best_answer((doubted,)))
             talk.state = replace(talk.state, question=answer, asked=requests_of(reading), at=0)
             return answer

@@ -7,9 +7,15 @@ from dataclasses import replace
 
 from grounding.answering import Request, without
 from grounding.language import Reading
-from grounding.query import Query
+from grounding.query import Query, Referent
 from grounding.referent.resolver import Candidate, resolve
 from grounding.referent.scene import SceneModel
+
+
+def reading_of(referent: Referent) -> Reading:
+    """Return the partial reading of a description: it has the vehicle, and neither an action nor a place."""
+    query = Query("", referent=referent)
+    return Reading(query, steps=(query,))
 
 
 def find_fitting(reading: Reading, candidates: Sequence[Candidate], scene: SceneModel) -> list[Candidate]:

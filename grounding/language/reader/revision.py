@@ -156,8 +156,7 @@ def revise(query: Query, evidence: Evidence, prediction: Prediction, rule: Mappi
 
 def _commanded(query: Query, prediction: Prediction) -> tuple[Action, ...]:
     """Return the actions of a query that the network takes for commanded too, and the main one."""
-    kept = (one for one in query.actions if one == query.action or prediction.actions[one] >= _LEAST_ACTION)
-    return tuple(kept)
+    return tuple(one for one in query.actions if one == query.action or prediction.actions[one] >= _LEAST_ACTION)
 
 
 def _may_be_opposite(field: str, own: str, other: str, evidence: Evidence) -> bool:
