@@ -1,6 +1,6 @@
 """Train the networks of the reader and the rule by which they revise the grammar, from the project's own sentences.
 
-python -m benchmarks.train_reader [--out FILE] [--work FOLDER] [--folds 3] [--steps 8000] [--workers 1]
+python -m benchmarks.train_reader [--out FILE] [--work FOLDER] [--folds 3] [--steps 5000] [--workers 1]
 
 The speakers are divided into folds; the sentences of each fold are read by an ensemble that saw none of its speakers:
 these are the figures that are printed, and the readings on which the rule is fitted. Another one is trained on all
@@ -84,7 +84,7 @@ def new_network(_: int) -> TorchReader:
 def main() -> None:
     """Train, report and write the weights."""
     assert __doc__
-    asked = arguments(__doc__, WEIGHTS_PATH, Path("runs/reader"), 8000)
+    asked = arguments(__doc__, WEIGHTS_PATH, Path("runs/reader"), 5000)
     sentences = read_sentences()
     folds = folds_of(sentences, asked.folds)
     training = Training(new_network, example_of, RATE, asked.steps, asked.workers, asked.work)

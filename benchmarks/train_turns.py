@@ -1,6 +1,6 @@
 """Train the network that reads the turns of a conversation.
 
-python -m benchmarks.train_turns [--out FILE] [--work FOLDER] [--folds 3] [--steps 3000] [--workers 1]
+python -m benchmarks.train_turns [--out FILE] [--work FOLDER] [--folds 3] [--steps 4000] [--workers 1]
 
 It begins with the weights of the reader of whole commands. The speakers of the turns are divided into folds; the
 turns of each fold are read by a network that saw none of its speakers: these are the figures that are printed, and
@@ -25,7 +25,13 @@ from benchmarks.reader.examples import Sentence
 from benchmarks.reader.network import TorchReader, start_from
 from benchmarks.reader.rule import as_tensor, minimise
 from benchmarks.reader.training import SEED, SIZES, Training, arguments, folds_of, write_reader
-from benchmarks.reader.turns import read_patterns, read_turns, read_whole_commands, turn_example
+from benchmarks.reader.turns import (
+    read_patterns,
+    read_phrase_book,
+    read_turns,
+    read_whole_commands,
+    turn_example,
+)
 from benchmarks.reader.variants import Variants
 from benchmarks.train_reader import VARIANT_WEIGHT
 from grounding.dialogue.turns import Turn, own_act, vote_on_act
@@ -37,7 +43,7 @@ from grounding.language.reader.turns import TURNS_PATH
 from grounding.language.replies import read_reply
 from grounding.query import Referent
 
-RATE, VARIANTS = 2e-3, 3
+RATE, VARIANTS = 3e-3, 3
 TURN_SIZES = SIZES | {"dropout": 0.4, "feature_dropout": 0.25}
 
 
@@ -47,6 +53,14 @@ def new_network(member: int) -> TorchReader:
     weights = {name: array[member] for name, array in load_file(WEIGHTS_PATH).items() if not name.startswith("rule.")}
     start_from(network, weights, tuple(CHOICES))
     return network
+
+
+def learnt_sentences() -> list[Sentence]:
+    """Return what is learnt: turns with variants, the phrase book, whole commands, phrases of the patterns."""
+    turns, variants = read_turns(), Variants([], SEED)
+    drawn = ((one, variants.draw(one.label)) for one in turns for _ in range(VARIANTS))
+    varied = [Sentence(label, one.speaker, VARIANT_WEIGHT * one.weight) for one, label in drawn if label]
+    return [*turns, *varied, *read_phrase_book(), *read_whole_commands(), *read_patterns(SEED)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,15 +128,10 @@ def report(name: str, cases: Sequence[Case], rule: Numbers) -> None:
 def main() -> None:
     """Train, report and write the weights."""
     assert __doc__
-    asked = arguments(__doc__, TURNS_PATH, Path("runs/turns"), 3000)
-    turns = read_turns()
-    folds = folds_of(turns, asked.folds)
-    variants = Variants([], SEED)
-    drawn = ((one, variants.draw(one.label)) for one in turns for _ in range(VARIANTS))
-    learnt = [*turns, *(Sentence(label, one.speaker, VARIANT_WEIGHT * one.weight) for one, label in drawn if label)]
-    learnt += [*read_whole_commands(), *read_patterns(SEED)]
+    asked = arguments(__doc__, TURNS_PATH, Path("runs/turns"), 4000)
+    folds = folds_of(read_turns(), asked.folds)
     training = Training(new_network, turn_example, RATE, asked.steps, asked.workers, asked.work)
-    weights, *held = training.run(learnt, folds)
+    weights, *held = training.run(learnt_sentences(), folds)
     networks = [ReaderNetwork(one, TURN_CHOICES) for one in held]
     cases = [cases_of(network, fold) for network, fold in zip(networks, folds, strict=True)]
     for fold, own in enumerate(cases, start=1):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,9 +21,11 @@ from benchmarks.reader.network import TorchReader, batch_of, export_weights, sta
 from grounding.language.reader.network import Numbers
 
 # Networks of an ensemble, each with its own seed.
-SEED, MEMBERS, BATCH = 0, 2, 32
+SEED, MEMBERS, BATCH = 0, 2, 128
+# Batches whose sentences are sorted by length, so that a batch has little padding.
+_SORTED = 16
 # Numbers a word, states a direction, and shares of dropped states, features, and words.
-SIZES: dict[str, Any] = {"size": 64, "hidden": 64, "dropout": 0.3, "feature_dropout": 0.15, "word_dropout": 0.1}
+SIZES: dict[str, Any] = {"size": 64, "hidden": 128, "dropout": 0.3, "feature_dropout": 0.15, "word_dropout": 0.1}
 _FIELD_WEIGHTS = {"status": 2.0, "direction": 0.7, "goal_side": 0.5, "landmark": 0.5, "trigger": 0.5, "act": 2.0}
 
 
@@ -77,9 +79,7 @@ def train(
     """Train a network on examples that are drawn by their weights."""
     optimiser = torch.optim.AdamW(network.parameters(), rate, weight_decay=1e-4)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, rate, total_steps=steps, pct_start=0.1)
-    drawn = np.random.default_rng(seed).choice(len(examples), (steps, BATCH), p=weights / weights.sum())
-    for step, numbers in enumerate(drawn, start=1):
-        chosen = [examples[i] for i in numbers]
+    for step, chosen in enumerate(_batches(examples, weights, steps, seed), start=1):
         loss = loss_of(network(batch_of([(one.rows, one.facts) for one in chosen])), chosen)
         optimiser.zero_grad()
         torch.autograd.backward(loss)
@@ -88,6 +88,18 @@ def train(
         schedule.step()
         if step % 500 == 0:
             print(f"  step {step} of {steps}, loss {loss.item():.2f}", flush=True)
+
+
+def _batches(examples: Sequence[Example], weights: Numbers, steps: int, seed: int) -> Iterator[list[Example]]:
+    """Yield batches of examples that are drawn by their weights, each of sentences of similar length."""
+    generator = np.random.default_rng(seed)
+    lengths = np.array([len(one.rows) for one in examples])
+    for begun in range(0, steps, _SORTED):
+        count = min(_SORTED, steps - begun)
+        drawn = generator.choice(len(examples), count * BATCH, p=weights / weights.sum())
+        batches = drawn[np.argsort(lengths[drawn], kind="stable")].reshape(count, BATCH)
+        for numbers in generator.permutation(batches):
+            yield [examples[i] for i in numbers]
 
 
 def loss_of(found: dict[str, Tensor], examples: Sequence[Example]) -> Tensor:

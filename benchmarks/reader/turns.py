@@ -19,12 +19,13 @@ from grounding.language.replies import Reply, read_reply, reply_patterns
 from grounding.language.syntax.tokenizer import normalise, tokenise
 
 TURNS = Path(__file__).parent / "sentences" / "turns.jsonl"
+PHRASE_BOOK = Path(__file__).parent / "sentences" / "phrase_book.jsonl"
 STATES: tuple[State, ...] = get_args(State)
 # Phrases of each pattern of replies.
 _PHRASES = 3
 _LISTS = ("act_alt", "action_alt", "relation_alt", "secondary", "excluded")
-# How often a turn, a whole command, another sentence, and a phrase of the patterns of replies are drawn.
-_TURN, _WHOLE, _REJECTED, _PATTERN = 2.0, 0.15, 0.05, 0.25
+# How often a turn, one of the phrase book, a whole command, another sentence, and a phrase of the patterns are drawn.
+_TURN, _BOOK, _WHOLE, _REJECTED, _PATTERN = 2.0, 1.0, 0.15, 0.05, 0.25
 # Acts with a vehicle, a place, and an action.
 _OF_VEHICLES = ("describe", "command", "then", "count", "seek")
 _OF_PLACES = ("place", "command", "then")
@@ -37,21 +38,34 @@ _SIDES = {"left": "left_side", "right": "right_side"}
 
 
 def read_turns() -> list[Sentence]:
-    """Return the labelled turns, each with its act and state in the label.
+    """Return the labelled turns of strangers, each with its act and state in the label.
 
     Raises:
         DataError: if a line is invalid.
     """
+    return [Sentence(label, f"stranger {label['speaker']}", _TURN) for label in _read_labels(TURNS)]
+
+
+def read_phrase_book() -> list[Sentence]:
+    """Return the phrase book: each act in many words, sorted by act when it was written.
+
+    Raises:
+        DataError: if a line is invalid.
+    """
+    return [Sentence(label, "phrase book", _BOOK) for label in _read_labels(PHRASE_BOOK)]
+
+
+def _read_labels(path: Path) -> list[dict[str, Any]]:
     found = []
-    for number, line in enumerate(read_text(TURNS, 5_000_000).splitlines(), start=1):
+    for number, line in enumerate(read_text(path, 10_000_000).splitlines(), start=1):
         try:
-            found.append(_turn(json.loads(line)))
+            found.append(_label(json.loads(line)))
         except (ValueError, KeyError, TypeError) as error:
-            raise DataError(f"{TURNS}: line {number}: {type(error).__name__}: {error}") from error
+            raise DataError(f"{path}: line {number}: {type(error).__name__}: {error}") from error
     return found
 
 
-def _turn(record: dict[str, Any]) -> Sentence:
+def _label(record: dict[str, Any]) -> dict[str, Any]:
     fields = (*TURN_CHOICES, "referent", "distance_m")
     label = dict.fromkeys(fields) | {name: [] for name in _LISTS} | record | {"command": record["say"]}
     if label["act"] not in ACTS or label["state"] not in STATES:
@@ -62,7 +76,7 @@ def _turn(record: dict[str, Any]) -> Sentence:
         referent = empty | {"qualifiers": [], "qualifiers_optional": []} | referent
         named = [_SIDES.get(one, one) for one in referent["qualifiers"]]
         label["referent"] = referent | {"qualifiers": [one for one in named if one in QUALIFIERS]}
-    return Sentence(label, f"stranger {record['speaker']}", _TURN)
+    return label
 
 
 def read_whole_commands() -> list[Sentence]:

@@ -104,6 +104,6 @@ _RULES: tuple[tuple[re.Pattern[str], Rewrite], ...] = (
         re.compile(rf"(?P<not>N)(?P<verb>v)(?P<rejected>r{WHOLE_NOUN}),(?P<chosen>r{WHOLE_NOUN}){END}"),
         contrast,
     ),
-    (re.compile(rf"(?P<before>[^.]*[^.,C])[,.]*C[,C]*(?P<repair>{_REPAIR}){END}"), carry_out_repair),
-    (re.compile(r"(?P<before>[^.]*[^.,C])[,.]*C[,C]*(?P<repair>[swlt])(?=r)"), carry_out_repair),
+    (re.compile(rf"(?P<before>[^.]*[^.,C])[,.]*C[,.C]*(?P<repair>{_REPAIR}){END}"), carry_out_repair),
+    (re.compile(r"(?P<before>[^.]*[^.,C])[,.]*C[,.C]*(?P<repair>[swlt])(?=r)"), carry_out_repair),
 )

@@ -152,6 +152,8 @@ def _attach_after_verb(state: DiscourseState, frame: CommandFrame, phrase: NounP
     ):
         _attach_object(state, frame, phrase)
     elif after_between and not any(relation == "between" for relation, _ in frame.landmarks):
+        if phrase.kind == "one" and frame.target is not None:
+            phrase.take_noun(frame.target)  # "between the silver car and the black one"
         frame.landmarks.append(("between", phrase))
         add_mention(state, phrase, "landmark")
     elif phrase.kind == "one" and frame.target is not None:

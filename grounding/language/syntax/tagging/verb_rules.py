@@ -77,7 +77,11 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
     interjection = last in CLAUSE_ENDS and category_at(after, 0) is WordCategory.COMMA and after[0].start == token.end
     if token.value == "wait" and interjection and category_at(after, 1) in (WordCategory.NOT, WordCategory.CORRECT):
         return token.with_category(WordCategory.FILLER)  # "wait, don't stop"
-    repairs = last is category_at(after, 0) is WordCategory.COMMA
+    following = category_at(after, 0)
+    repairs = last is following is WordCategory.COMMA
+    repairs |= (
+        following is WordCategory.BREAK and category_at(before, -2) is WordCategory.CORRECT
+    )  # "No, wait. The ..."
     if token.value == "wait" and repairs and category_at(after, 1) in PHRASE_STARTS | _REPAIRS:
         return token.with_category(WordCategory.CORRECT)  # "behind the red car, wait, the blue one"
     onward = token.text in ("go", "come") and last not in (WordCategory.NOT, WordCategory.EGO)
