@@ -58,6 +58,8 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
     placed = reading is not None and (
         reading.query.relation != "none" or bool(base.direction and reading.query.direction)
     )
+    if state.question is not None and reading is not None and placed and _places_one(talk, reply.rest, reading):
+        return _replace(talk, text, reading, request)  # "behind the beige one"
     answers = state.question is not None and not (placed and "no" in reply.kinds)  # "no, behind the lorry" does not
     if answers and (answer := _answer_description(talk, text, reply, state.question, turn)):
         return answer
@@ -69,6 +71,13 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
     if reading is not None:
         return _modify(talk, said(reading, text), request)
     return None
+
+
+def _places_one(talk: Conversation, words: str, reading: Reading) -> bool:
+    """Return whether a fragment begins with a place that is measured from a vehicle it describes."""
+    query = reading.query
+    named = query.referent is not None and query.landmark == "referent" and not names_pronoun(reading)
+    return named and begins_with_place(words, talk.readings)
 
 
 def _replace(talk: Conversation, text: str, reading: Reading, request: Request) -> Answer:

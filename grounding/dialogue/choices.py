@@ -18,8 +18,10 @@ from grounding.road.lane_model import LANE_M
 
 
 def choose_number(talk: Conversation, text: str, number: int) -> Answer:
-    """Take a candidate, or a reading, by its number."""
+    """Take a candidate, or a reading, by its number; -1 is the last candidate."""
     about, request = talk.state.question or talk.state.goal, talk.state.request
+    if about is not None and number < 0:
+        number += len(about.candidates) + 1
     if about is not None and 1 <= number <= len(about.alternatives):
         return talk.take_reading(about.alternatives[number - 1])
     if about is None or request is None or not 1 <= number <= len(about.candidates):
@@ -65,9 +67,10 @@ def go_back(talk: Conversation, text: str) -> Answer:
 
 
 def refuse(talk: Conversation, text: str) -> Answer:
-    """Drop the open question; without one, take another candidate than the one in force."""
+    """Drop the open question; without one, take another one of those that were offered, or ask what to do."""
     if talk.state.question is None:
-        return take_other(talk, text)
+        several = len(talk.state.offered) > 1
+        return take_other(talk, text) if several else inform(talk, text, "the goal stays: say what to do instead")
     talk.state = replace(talk.state, question=None)
     return inform(talk, text, "then nothing is changed: say what to do instead")
 

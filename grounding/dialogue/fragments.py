@@ -40,6 +40,10 @@ _NEIGHBOUR = re.compile(
     r" (?P<relation>next to|beside|by|near|close to|behind|in front of|ahead of|left of|right of|opposite)"
     r" (?:it|him|her|them)\b"
 )
+# Verbs before a description: "take the one with the bus behind it".
+_CHOOSING = re.compile(
+    r"^(?:(?:just|please|then|let's|i'll|we'll) )*(?:take|pick|choose|use|go (?:for|with)) (?=the |that |one )"
+)
 _TURNED = {
     "behind": "in front of",
     "in front of": "behind",
@@ -101,7 +105,7 @@ def read_description(text: str, antecedent: Referent | None, read: Reader, *, wh
     for part, meant, phrase in product(
         [text] if whole else _shortened(text), dict.fromkeys((antecedent, bare)), _PHRASES
     ):
-        reading = read(phrase.format(part), meant, "")[0]
+        reading = read(phrase.format(_CHOOSING.sub("", part)), meant, "")[0]
         referent = reading.query.referent
         if referent is None or reading.query.relation != "none" or not is_understood(reading):
             continue

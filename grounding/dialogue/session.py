@@ -239,8 +239,8 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     if act in ("describe", "place"):
         return answer_fragment(talk, text, reply, turn) or (ask_again(talk, text) if state.question else None)
     if act == "drop":
-        action = turn.best("action")
-        return drop_steps(talk, text, action) if action in {one.query.action for one in state.plan} else None
+        known = turn.action in {one.query.action for one in state.plan}
+        return drop_steps(talk, text, turn.action) if known or turn.is_certain else None
     if act == "room":
         return tell_room(talk, text, reply.rest or text)
     return _ACTS[act](talk, text) if act in _ACTS else None
@@ -262,7 +262,7 @@ def _answer_number(talk: Conversation, text: str, reply: Reply, number: int | No
         return None
     question = talk.state.question
     listed = question is not None and len(question.alternatives or question.candidates) > 1
-    if (listed or not reply.rest) and not reply.rest.startswith("not "):
+    if ((listed and number > 0) or not reply.rest) and not reply.rest.startswith("not "):
         return choose_number(talk, text, number)
     word = next((name for name, position in POSITIONS.items() if position == number), "last" if number < 0 else "")
     return answer_fragment(talk, text, replace(reply, rest=f"the {word} one")) if word else None
@@ -282,6 +282,8 @@ def _answer_reply(talk: Conversation, text: str, reply: Reply) -> Answer | None:
         return shift_last(talk, text, Shift(reply.shift, distance_m))
     last = reply.kinds[-1] if reply.kinds else ""
     if not reply.rest:
+        if last in ("room", "seek"):
+            return tell_room(talk, text, text)  # "will we fit?", "is there?" after "if there's space"
         return _ACTS[last](talk, text) if last in _ACTS else None
     if last == "why":
         return tell_reasons(talk, text)
@@ -293,6 +295,8 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
     state = talk.state
     turn = turn if turn is not None and turn.act in ("command", "then") else None
     then = "then" in reply.kinds or (turn is not None and turn.act == "then")
+    if turn is not None and turn.act == "then" and turn.is_certain and reply.rest:
+        return answer_command(talk, text, reply.rest, then=True, turn=turn)
     if answer := _answer_reply(talk, text, reply):
         return answer
     if not reply.rest:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, get_args
 
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import has_verb, is_understood
@@ -17,24 +17,26 @@ from grounding.language.reader.turns import State, default_turn_reader
 from grounding.language.replies import SHIFTS, Reply, named_distance
 from grounding.language.syntax.tokenizer import Token, normalise, tokenise
 from grounding.query import Query, Referent
-from grounding.vocabulary import POSITIONS, ShiftDirection
+from grounding.vocabulary import POSITIONS, Action, ShiftDirection
 
 # Least probability of an act that is taken, of one that chooses or drops something, of one where the grammar finds
 # nothing, and of a qualifier.
-_SURE, _SURE_CHOICE, _LIKELY, _LEAST_QUALIFIER = 0.5, 0.62, 0.3, 0.5
+_SURE, _SURE_CHOICE, _LIKELY, _LEAST_QUALIFIER = 0.5, 0.55, 0.5, 0.5
 _LEAST = 1e-4
 # Acts that choose or change nothing but by the words of the turn.
 _HARMLESS = ("describe", "place", "heading", "why", "repeat", "seen", "about", "count", "seek", "room", "remark")
-# Least probability that all is to be dropped.
-_SURE_CANCEL = 0.7
+# Least probability that all is to be dropped, and of an act that nothing else in the turn supports.
+_SURE_CANCEL, _CERTAIN = 0.9, 0.9
 # Least probability of a reply where the grammar finds a command.
-_SURE_AGAINST = 0.75
+_SURE_AGAINST = 0.6
 # The same where a pattern covers all words.
-_SURE_AGAINST_PATTERN = 0.9
+_SURE_AGAINST_PATTERN = 0.8
 # Least probability at which a command that only the network understands is acted upon.
 _SURE_COMMAND = 0.8
 # Least probability of a relation that counts more than the grammar's.
 _SURE_RELATION = 0.9
+# What counts more than an act, if the grammar finds it: "all right, wait behind it", "no, four".
+_DETAILED = {"yes": ("command", "number"), "no": ("number",), "remark": ("command", "number"), "pause": ("command",)}
 # Acts in which a number without a unit is a distance.
 _MEASURED = ("more", "less", "shift")
 # Kinds of the patterns of replies that have another name as acts.
@@ -67,20 +69,30 @@ class Turn:
         return self.sure >= self.needed
 
     @property
+    def is_certain(self) -> bool:
+        """Whether the act is believed where nothing else in the turn supports it."""
+        return self.sure >= _CERTAIN
+
+    @property
     def is_likely(self) -> bool:
         """Whether the act is believed where the grammar finds nothing."""
         return self.sure >= _LIKELY and self.act in _HARMLESS
 
     def best(self, field: str) -> str:
         """Return the likeliest value of a field."""
-        values = self.prediction.choices[field]
-        return max(values, key=values.__getitem__)
+        return _best(self.prediction, field)
 
     @property
     def shift(self) -> ShiftDirection:
         """The likeliest direction of a shift."""
         best = self.best("shift")
         return next(one for one in SHIFTS if one == best)
+
+    @property
+    def action(self) -> Action:
+        """The likeliest action."""
+        best = self.best("action")
+        return next(one for one in get_args(Action) if one == best)
 
     def described(self, antecedent: Referent | None) -> Referent | None:
         """Return the vehicle that it describes, where it names none like the antecedent; None for no description."""
@@ -143,8 +155,10 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     own = own_act(reply, reading)
     scores = vote_on_act(prediction.choices["act"], own, reader.rule["act"])
     act = max(scores, key=scores.__getitem__)
-    if act == own[0] != "command" or (act in ("yes", "remark", "pause") and own[0] == "command"):
-        return None  # the patterns of replies know the details; "all right, wait behind it" is a command
+    if act == own[0] != "command" or own[0] in _DETAILED.get(act, ()):
+        return None  # the patterns of replies, or the grammar, know the details
+    if act == "place" and own[0] == "command" and reading.query.relation == _best(prediction, "relation") != NONE:
+        return None  # "wait behind it then" is another action too
     number, distance_m = reply.number or _number(tokens), named_distance(text, talk.grounder.lexicon)
     if distance_m is None and act in _MEASURED and any(one.category is WordCategory.NUMBER for one in tokens):
         distance_m = number and float(number)  # "three more": metres
@@ -170,6 +184,11 @@ def _is_command(reading: Reading) -> bool:
     names = query.referent or query.secondary or query.direction or query.manoeuvre or query.relation != "none"
     forbids = any(token.category is WordCategory.NOT for token in reading.tokens)
     return has_verb(reading) and is_understood(reading) and bool(names or forbids or query.action != "other")
+
+
+def _best(prediction: Prediction, field: str) -> str:
+    values = prediction.choices[field]
+    return max(values, key=values.__getitem__)
 
 
 def state_of(talk: Conversation) -> State:
@@ -210,8 +229,12 @@ def vote_on_act(shares: Mapping[str, float], own: tuple[str, int], weights: Numb
 
 
 def _number(tokens: Sequence[Token]) -> int | None:
-    """Return the only number or ordinal among some words; None without one."""
-    named = [token for token in tokens if token.category in (WordCategory.NUMBER, WordCategory.ORDINAL)]
+    """Return the only ordinal among some words, else the only number; None without one."""
+    ordinals, numbers = (
+        [token for token in tokens if token.category is category]
+        for category in (WordCategory.ORDINAL, WordCategory.NUMBER)
+    )
+    named = ordinals or numbers  # "there are two of them, the first one"
     if len(named) != 1:
         return None
     if named[0].category is WordCategory.ORDINAL:

@@ -82,6 +82,7 @@ def _accepted(reading: Reading, revision: Revision) -> Reading:
     unknown = (token for token in reading.tokens if token.category is WordCategory.UNKNOWN)
     strange = any(not classes_of(word) for token in unknown for word in token.text.split())
     sure = revision.sure >= _SURE and not (strange or evidence_of(reading).contrary)
+    sure |= query.action == "other" and query.referent is None  # "put the hazards on" is answered, not asked about
     return Reading(
         query,
         tokens=reading.tokens,

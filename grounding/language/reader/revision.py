@@ -149,6 +149,8 @@ def revise(query: Query, evidence: Evidence, prediction: Prediction, rule: Mappi
     )
     if query.sought is not None and not evidence.dropped and evidence.words <= _SHORT:
         values["noun"] = NONE  # "the white one": the scene tells which vehicle that is
+    if query.unresolved and not (prediction.head or evidence.dropped or evidence.unknown):
+        values["noun"] = NONE  # "that one": no word names a class
     revised = _with_values(query, values, qualifiers, prediction)
     revised = replace(revised, actions=_commanded(revised, prediction))
     return Revision(revised, _changes(query, revised), sure * prediction.certainty)

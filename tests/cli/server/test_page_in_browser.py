@@ -111,7 +111,7 @@ def test_a_clicked_vehicle_shows_its_track_until_it_is_let_go(served: Served, pa
     page.mouse.click(*pixel(page, 20.0, 0.0))
     card = page.locator("#vehicle")
     until(page, card.is_visible)
-    assert "track" in (card.locator("h2").text_content() or "")
+    until(page, lambda: "track" in (card.locator("h2").text_content() or ""))  # tracks come after the map
     assert "black" in (card.text_content() or "")
     assert re.search(r"seen by\s*front", card.text_content() or "")
     page.keyboard.press("ArrowRight")

@@ -133,7 +133,7 @@ def test_evidence(script: Callable[..., Scripted]) -> None:
 
 
 def test_strangers_are_read_better_than_by_the_grammar_alone() -> None:
-    labels = read_labelled_commands(SPEAKERS / "sentences_latest_unread.jsonl")  # never trained on
+    labels = read_labelled_commands(SPEAKERS / "sentences_openings.jsonl")  # never trained on
     shares = [
         score_parser(labels, lambda text, on=on: parse(text, revised=on).query.to_dict()).as_json()  # type: ignore[misc]
         for on in (False, True)

@@ -45,7 +45,7 @@ def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_network_of_turns_begins_with_that_of_commands() -> None:
-    network = TorchReader(TURN_CHOICES, size=64, hidden=64, dropout=0.0, feature_dropout=0.0, word_dropout=0.0)
+    network = TorchReader(TURN_CHOICES, size=64, hidden=128, dropout=0.0, feature_dropout=0.0, word_dropout=0.0)
     commands = {name: array[0] for name, array in load_file(WEIGHTS_PATH).items()}
     start_from(network, commands, tuple(CHOICES))
     weights = export_weights(network)
