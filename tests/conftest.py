@@ -1,16 +1,23 @@
-"""Shared fixtures: the recorded data beside the repository, where it is present, a tiny dataset, an S3 server."""
+"""Shared fixtures: the recorded data beside the repository, a tiny dataset, an S3 server, the page in a browser."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+from browser import open_browser
 from hypothesis import HealthCheck, settings
+from made_recording import write_recording
 from s3_server import KEY, SECRET, S3Server, s3_server
+from served_page import FRAMES, PATIENCE_MS, Served
 from tiny_dataset import TinyDataset
 from walkthrough import Walkthrough, run_walkthrough
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
 
 # The same examples on every run, and no limit of time: the machine may be busy.
 settings.register_profile("steady", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -130,3 +137,31 @@ def new_connections() -> Iterator[None]:
     store_requests.forget_stores()
     yield
     store_requests.forget_stores()
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    served = Served(write_recording(tmp_path_factory.mktemp("page") / "made", FRAMES))
+    yield served
+    served.stop()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with open_browser() as browser:
+        yield browser
+
+
+@pytest.fixture
+def page(browser: Browser) -> Iterator[Page]:
+    """An empty page; at the end, nothing may have gone wrong in it or have been asked of another host."""
+    context = browser.new_context(viewport={"width": 1280, "height": 800})
+    context.set_default_timeout(PATIENCE_MS)
+    page = context.new_page()
+    faults: list[str] = []
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.on("request", lambda request: faults.append(request.url) if "//127.0.0.1:" not in request.url else None)
+    page.on("console", lambda line: faults.append(line.text) if "Content Security" in line.text else None)
+    yield page
+    context.close()
+    assert [fault for fault in faults if not fault.startswith("blob:")] == []

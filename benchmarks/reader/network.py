@@ -88,7 +88,7 @@ class TorchReader(nn.Module):
             rows = rows * ~((torch.rand((*rows.shape[:2], 1)) < self._word_dropout) & (rows >= WORD_ROWS))
         scale = (rows > 0).sum(-1, keepdim=True).clamp(min=1).sqrt()
         summed = nn.functional.embedding_bag(rows.flatten(0, 1), self.table.weight, mode="sum", padding_idx=0)
-        inputs = self._drop(summed.unflatten(0, rows.shape[:2]) / scale)
+        inputs = self._drop(summed.view(*rows.shape[:2], -1) / scale)
         lengths = batch.mask.sum(1)
         packed = nn.utils.rnn.pack_padded_sequence(inputs, lengths, batch_first=True, enforce_sorted=False)
         words, _ = nn.utils.rnn.pad_packed_sequence(self.gru(packed)[0], batch_first=True, total_length=rows.shape[1])
