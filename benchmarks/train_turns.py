@@ -1,6 +1,6 @@
 """Train the network that reads the turns of a conversation.
 
-python -m benchmarks.train_turns [--out FILE] [--work FOLDER] [--folds 3] [--steps 4000] [--workers 1]
+python -m benchmarks.train_turns [--out FILE] [--work FOLDER] [--folds 3] [--steps 5000] [--workers 1]
 
 It begins with the weights of the reader of whole commands. The speakers of the turns are divided into folds; the
 turns of each fold are read by a network that saw none of its speakers: these are the figures that are printed, and
@@ -128,7 +128,7 @@ def report(name: str, cases: Sequence[Case], rule: Numbers) -> None:
 def main() -> None:
     """Train, report and write the weights."""
     assert __doc__
-    asked = arguments(__doc__, TURNS_PATH, Path("runs/turns"), 4000)
+    asked = arguments(__doc__, TURNS_PATH, Path("runs/turns"), 5000)
     folds = folds_of(read_turns(), asked.folds)
     training = Training(new_network, turn_example, RATE, asked.steps, asked.workers, asked.work)
     weights, *held = training.run(learnt_sentences(), folds)

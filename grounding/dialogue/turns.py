@@ -19,9 +19,8 @@ from grounding.language.syntax.tokenizer import Token, normalise, tokenise
 from grounding.query import Query, Referent
 from grounding.vocabulary import POSITIONS, Action, ShiftDirection
 
-# Least probability of an act that is taken, of one that chooses or drops something, of one where the grammar finds
-# nothing, and of a qualifier.
-_SURE, _SURE_CHOICE, _LIKELY, _LEAST_QUALIFIER = 0.5, 0.55, 0.5, 0.5
+# Least probability of an act that is taken, of one that chooses or drops something, and of a qualifier.
+_SURE, _SURE_CHOICE, _LEAST_QUALIFIER = 0.5, 0.55, 0.5
 _LEAST = 1e-4
 # Acts that choose or change nothing but by the words of the turn.
 _HARMLESS = ("describe", "place", "heading", "why", "repeat", "seen", "about", "count", "seek", "room", "remark")
@@ -76,7 +75,7 @@ class Turn:
     @property
     def is_likely(self) -> bool:
         """Whether the act is believed where the grammar finds nothing."""
-        return self.sure >= _LIKELY and self.act in _HARMLESS
+        return self.sure >= _SURE and self.act in _HARMLESS
 
     def best(self, field: str) -> str:
         """Return the likeliest value of a field."""

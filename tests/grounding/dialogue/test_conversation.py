@@ -70,6 +70,30 @@ def test_the_other_one() -> None:
     assert again.referent.item.id == "right"
 
 
+def test_a_mere_no_keeps_the_goal_where_no_other_vehicle_was_offered() -> None:
+    session = row()
+    goal = session.say("stop behind the blue car").target
+    answer = session.say("no")
+    assert answer.status == "ok"
+    assert session.goal is not None
+    assert session.goal.target is goal
+
+
+def test_a_place_at_one_of_the_candidates() -> None:
+    session = two_whites()
+    session.say("stop next to the white car")
+    answer = session.say("behind the right one")
+    assert answer.status == "ok", answer.text()
+    assert answer.referent is not None
+    assert (answer.referent.item.id, answer.query.relation) == ("right", "behind")
+
+
+def test_whether_there_is_room_at_the_goal() -> None:
+    session = row()
+    assert session.say("stop behind the blue car").status == "ok"
+    assert session.say("will we fit?").status == "ok"
+
+
 def test_a_choice_by_number_from_the_answer_itself() -> None:
     session = two_whites()
     asked = session.say("stop next to the white car")

@@ -68,6 +68,8 @@ SENTENCES = {
     "let the bus pass first": "give_way none [bus] pass",
     "pass the first truck and park behind the second": "park behind [truck second]",
     "park between the two vans": "park between [van]",
+    "park between the silver car and the black one": "park between [car silver]",
+    "Park behind the red car. No, wait. The blue one.": "park behind [car blue]",
     "park between the lamp post and the red car": "park between [car red]",
     "go left around the stopped taxi": "overtake none [car stopped] left",
 }

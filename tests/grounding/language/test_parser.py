@@ -231,6 +231,8 @@ def test_two_vehicles_between_and_opposite() -> None:
     assert query.referent is not None
     assert (query.referent.noun, query.referent.number) == ("car", 1)
     assert [(mark.noun, mark.relation, mark.colour) for mark in query.secondary] == [("truck", "between", "white")]
+    other = query_of("park between the blue car and the white one")
+    assert [(mark.noun, mark.colour) for mark in other.secondary] == [("car", "white")]
     pair = query_of("stop between the two vans").referent
     assert pair is not None
     assert pair.number == 2
