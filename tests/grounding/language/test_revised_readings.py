@@ -142,6 +142,12 @@ def test_strangers_are_read_better_than_by_the_grammar_alone() -> None:
     assert shares[1]["false_rejects"] <= shares[0]["false_rejects"]
 
 
+def test_an_unknown_word_is_no_vehicle_without_asking() -> None:
+    for text in ("stop behind the pelican", "park behind the wibble"):
+        reading = parse(text)
+        assert reading.doubt or reading.query.referent is None
+
+
 def test_reading_needs_no_torch() -> None:
     code = "import sys, json; from grounding.language import parse; parse('park behind the van'); "
     code += "print(json.dumps([name in sys.modules for name in ('torch', 'safetensors')]))"
