@@ -79,7 +79,7 @@ class Turn:
 
     def best(self, field: str) -> str:
         """Return the likeliest value of a field."""
-        return _best(self.prediction, field)
+        return self.prediction.best(field)
 
     @property
     def shift(self) -> ShiftDirection:
@@ -156,7 +156,7 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     act = max(scores, key=scores.__getitem__)
     if act == own[0] != "command" or own[0] in _DETAILED.get(act, ()):
         return None  # the patterns of replies, or the grammar, know the details
-    if act == "place" and own[0] == "command" and reading.query.relation == _best(prediction, "relation") != NONE:
+    if act == "place" and own[0] == "command" and reading.query.relation == prediction.best("relation") != NONE:
         return None  # "wait behind it then" is another action too
     number, distance_m = reply.number or _number(tokens), named_distance(text, talk.grounder.lexicon)
     if distance_m is None and act in _MEASURED and any(one.category is WordCategory.NUMBER for one in tokens):
@@ -183,11 +183,6 @@ def _is_command(reading: Reading) -> bool:
     names = query.referent or query.secondary or query.direction or query.manoeuvre or query.relation != "none"
     forbids = any(token.category is WordCategory.NOT for token in reading.tokens)
     return has_verb(reading) and is_understood(reading) and bool(names or forbids or query.action != "other")
-
-
-def _best(prediction: Prediction, field: str) -> str:
-    values = prediction.choices[field]
-    return max(values, key=values.__getitem__)
 
 
 def state_of(talk: Conversation) -> State:

@@ -100,14 +100,9 @@ def _changed(reading: Reading, changes: dict[str, Any], revision: Revision) -> R
         for step in reading.steps
         if _is_main(step, reading.query) or _is_commanded(step, reading.query, query)
     )
-    guessed = reading.query.referent is None and query.referent is not None and _has_unknown(reading)
+    guessed = reading.query.referent is None and query.referent is not None and evidence_of(reading).unknown > 0
     doubt = f"do you mean '{_phrase(query)}'?" if guessed and revision.sure < _SURE else reading.doubt
     return replace(reading, query=query, steps=steps, doubt=doubt, revised=revision.changed)
-
-
-def _has_unknown(reading: Reading) -> bool:
-    """Return whether a word may name a vehicle that no lexicon holds: "behind the schnauferl"."""
-    return any(token.category is WordCategory.UNKNOWN for token in reading.tokens)
 
 
 def _is_commanded(step: Query, before: Query, after: Query) -> bool:

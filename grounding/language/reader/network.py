@@ -43,6 +43,11 @@ class Prediction:
     actions: Mapping[str, float]
     head: str = ""
 
+    def best(self, field: str) -> str:
+        """Return the likeliest value of a field."""
+        shares = self.choices[field]
+        return max(shares, key=shares.__getitem__)
+
     @property
     def certainty(self) -> float:
         """Probability that the likeliest values of all voted fields are right, if they are independent."""

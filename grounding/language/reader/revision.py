@@ -170,14 +170,14 @@ def _may_be_opposite(field: str, own: str, other: str, evidence: Evidence) -> bo
 
 def query_of(command: str, prediction: Prediction) -> Query:
     """Return the network's own query, without an action if it takes the sentence for no command."""
-    if _best(prediction, "status") == "reject":
+    if prediction.best("status") == "reject":
         return Query(command)
     return command_of(command, prediction)
 
 
 def command_of(command: str, prediction: Prediction) -> Query:
     """Return the network's reading of a command."""
-    values = {field: _best(prediction, field) for field in FIELDS}
+    values = {field: prediction.best(field) for field in FIELDS}
     qualifiers = tuple(one for one, probability in prediction.qualifiers.items() if probability > 0.5)
     action: Any = values["action"]
     return _with_values(Query(command, action, (action,)), values, qualifiers, prediction)
@@ -247,8 +247,3 @@ def _changes(before: Query, after: Query) -> tuple[tuple[str, str, str], ...]:
     if len(after.actions) < len(before.actions):
         pairs.append(("actions", " ".join(before.actions), " ".join(after.actions)))
     return tuple(pair for pair in pairs if pair[1] != pair[2])
-
-
-def _best(prediction: Prediction, field: str) -> str:
-    probabilities = prediction.choices[field]
-    return max(probabilities, key=probabilities.__getitem__)

@@ -79,9 +79,8 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
         return token.with_category(WordCategory.FILLER)  # "wait, don't stop"
     following = category_at(after, 0)
     repairs = last is following is WordCategory.COMMA
-    repairs |= (
-        following is WordCategory.BREAK and category_at(before, -2) is WordCategory.CORRECT
-    )  # "No, wait. The ..."
+    after_no = category_at(before, -2) is WordCategory.CORRECT
+    repairs |= following is WordCategory.BREAK and after_no  # "No, wait. The blue one."
     if token.value == "wait" and repairs and category_at(after, 1) in PHRASE_STARTS | _REPAIRS:
         return token.with_category(WordCategory.CORRECT)  # "behind the red car, wait, the blue one"
     onward = token.text in ("go", "come") and last not in (WordCategory.NOT, WordCategory.EGO)
