@@ -19,6 +19,7 @@ from grounding.language.syntax.tokenizer import normalise, tokenise
 
 ROOT = Path(__file__).parents[2]
 STRANGERS = Path(__file__).parent / "sentences" / "strangers.jsonl"
+UNSEEN = Path(__file__).parent / "sentences" / "unseen_sentences.jsonl"
 _SPEAKERS = ROOT / "benchmarks" / "grounding_truth" / "speakers"
 _TESTS = ROOT / "tests" / "grounding" / "language"
 # Where several values are right, how likely the first is preferred (nats).
@@ -54,6 +55,11 @@ def read_sentences() -> list[Sentence]:
     found += [Sentence(one, "own", 1.6) for one in read_labelled_commands(_TESTS / "commands.jsonl")]
     everyday = filter(None, (_TESTS / "everyday.txt").read_text(encoding="utf-8").splitlines())
     return found + [Sentence(rejected(text), "everyday", 1.6) for text in everyday]
+
+
+def read_unseen_sentences() -> list[Sentence]:
+    """Return the sentences of authors of whom nothing is learnt."""
+    return [Sentence(one, one["source"], 1.0) for one in read_labelled_commands(UNSEEN)]
 
 
 def rejected(text: str) -> dict[str, Any]:

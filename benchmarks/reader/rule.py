@@ -65,13 +65,13 @@ def _fit_qualifiers(cases: Sequence[Case]) -> Numbers:
 
 
 def _fit_field(field: str, cases: Sequence[Case]) -> Numbers:
-    """Return the weights (7,) that make the right values likeliest (conditional logit)."""
+    """Return the weights (8,) that make the right values likeliest (conditional logit)."""
     values = [sorted({field_value(one.query, field), *one.prediction.choices[field]}) for one in cases]
     shape = (len(cases), max(map(len, values)))
     network, own, right = np.full(shape, _IMPOSSIBLE), np.zeros(shape), np.zeros(shape, dtype=bool)
     for i, (one, names) in enumerate(zip(cases, values, strict=True)):
         grammar = field_value(one.query, field)
-        scores = vote(grammar, Evidence(), one.prediction.choices[field], np.array([1.0, *[0.0] * 6]))
+        scores = vote(grammar, Evidence(), one.prediction.choices[field], np.array([1.0, *[0.0] * 7]))
         network[i, : len(names)] = [scores[name] for name in names]
         own[i, : len(names)] = [name == grammar for name in names]
         right[i, : len(names)] = [name in _right_values(one.label, field) for name in names]
@@ -80,11 +80,11 @@ def _fit_field(field: str, cases: Sequence[Case]) -> Numbers:
     logs, owns, rights, numbers = map(as_tensor, (network, own, right, evidence))
 
     def loss(weights: Tensor) -> Tensor:
-        scores = weights[0] * logs + owns * (numbers @ weights[1:])[:, None]
+        scores = weights[0] * logs + owns * torch.relu(numbers @ weights[1:])[:, None]
         kept = torch.logsumexp(scores + (1 - rights) * _IMPOSSIBLE, 1) - torch.logsumexp(scores, 1)
         return -kept[torch.from_numpy(possible)].sum() + 0.5 * (weights[1:] ** 2).sum()
 
-    return minimise(loss, np.array([1.0, 1.0, *[0.0] * 5]))
+    return minimise(loss, np.array([1.0, 1.0, *[0.0] * 6]))
 
 
 def _right_values(label: dict[str, Any], field: str) -> set[str]:

@@ -1,4 +1,4 @@
-"""Training of reader networks: on all speakers, and on all but those of each fold."""
+"""Training of reader networks."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -24,6 +25,8 @@ from grounding.language.reader.network import Numbers
 SEED, MEMBERS, BATCH = 0, 2, 128
 # Batches whose sentences are sorted by length, so that a batch has little padding.
 _SORTED = 16
+# Parts of the unseen speakers.
+PARTS = 3
 # Numbers a word, states a direction, and shares of dropped states, features, and words.
 SIZES: dict[str, Any] = {"size": 64, "hidden": 128, "dropout": 0.3, "feature_dropout": 0.15, "word_dropout": 0.1}
 _FIELD_WEIGHTS = {"status": 2.0, "direction": 0.7, "goal_side": 0.5, "landmark": 0.5, "trigger": 0.5, "act": 2.0}
@@ -49,28 +52,25 @@ class Training:
     workers: int
     work: Path
 
-    def run(self, learnt: Sequence[Sentence], folds: Sequence[Sequence[Sentence]]) -> list[dict[str, Numbers]]:
-        """Return the weights of an ensemble of all sentences, then of one without the speakers of each fold."""
-        held: list[set[str]] = [set(), *({one.speaker for one in fold} for fold in folds)]
+    def run(self, learnt: Sequence[Sentence]) -> dict[str, Numbers]:
+        """Return the weights of an ensemble."""
         with ProcessPoolExecutor(self.workers, initializer=torch.set_num_threads, initargs=(1,)) as pool:
             examples = list(pool.map(self.example_of, [one.label for one in learnt], chunksize=100))
-            pairs = [(example, one) for example, one in zip(examples, learnt, strict=True) if example is not None]
-            parts = [[pair for pair in pairs if pair[1].speaker not in out] for out in held]
-            inputs = [[[pair[0] for pair in part], [pair[1].weight for pair in part]] for part in parts]
-            names = ["all", *range(1, len(held))]
-            paths = [[self.work / f"{name}_{member}.safetensors" for member in range(MEMBERS)] for name in names]
-            list(pool.map(self._train_all, paths, *zip(*inputs, strict=True)))
-        return [stacked([load_file(path) for path in members]) for members in paths]
+            pairs = [(example, one.weight) for example, one in zip(examples, learnt, strict=True) if example is not None]
+            paths = [self.work / f"{member}.safetensors" for member in range(MEMBERS)]
+            list(pool.map(partial(self._train_member, pairs), range(MEMBERS), paths))
+        return stacked([load_file(path) for path in paths])
 
-    def _train_all(self, paths: Sequence[Path], examples: Sequence[Example], weights: Sequence[float]) -> None:
-        """Write networks trained on examples that are drawn by their weights, but those that are there."""
-        for member, path in enumerate(paths):
-            if not path.exists():
-                torch.manual_seed(SEED + member)
-                network = self.make(member)
-                train(network, examples, np.array(weights), steps=self.steps, rate=self.rate, seed=SEED + member)
-                with whole_file(path) as temporary:
-                    save_file(export_weights(network), temporary)
+    def _train_member(self, pairs: Sequence[tuple[Example, float]], member: int, path: Path) -> None:
+        """Write the network of one member, trained on (example, weight), if it is not there."""
+        if path.exists():
+            return
+        torch.manual_seed(SEED + member)
+        network = self.make(member)
+        examples, weights = zip(*pairs, strict=True)
+        train(network, examples, np.array(weights), steps=self.steps, rate=self.rate, seed=SEED + member)
+        with whole_file(path) as temporary:
+            save_file(export_weights(network), temporary)
 
 
 def train(
@@ -118,23 +118,18 @@ def loss_of(found: dict[str, Tensor], examples: Sequence[Example]) -> Tensor:
     return total / len(examples)
 
 
-def folds_of(sentences: Sequence[Sentence], count: int) -> list[list[Sentence]]:
-    """Return the sentences of strangers in folds, all of one speaker in one."""
-    folds: list[list[Sentence]] = [[] for _ in range(count)]
-    for one in sentences:
-        if one.is_stranger:
-            folds[crc32(one.speaker.removeprefix("stranger ").encode()) % count].append(one)
-    return folds
+def part_of(speaker: str) -> int:
+    """Return the part of the unseen speakers, for rules that are fitted on the others, to which one belongs."""
+    return crc32(speaker.encode()) % PARTS
 
 
 def arguments(doc: str, out: Path, work: Path, steps: int) -> argparse.Namespace:
-    """Return the arguments of a training: out, work, folds, steps, workers."""
+    """Return the arguments of a training: out, work, steps, workers."""
     parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=out)
     parser.add_argument("--work", type=Path, default=work)
-    parser.add_argument("--folds", type=int, default=3)
     parser.add_argument("--steps", type=int, default=steps)
-    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--workers", type=int, default=2)
     return parser.parse_args()
 
 

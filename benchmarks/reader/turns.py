@@ -19,6 +19,7 @@ from grounding.language.replies import Reply, read_reply, reply_patterns
 from grounding.language.syntax.tokenizer import normalise, tokenise
 
 TURNS = Path(__file__).parent / "sentences" / "turns.jsonl"
+UNSEEN = Path(__file__).parent / "sentences" / "unseen_turns.jsonl"
 PHRASE_BOOK = Path(__file__).parent / "sentences" / "phrase_book.jsonl"
 STATES: tuple[State, ...] = get_args(State)
 # Phrases of each pattern of replies.
@@ -44,6 +45,15 @@ def read_turns() -> list[Sentence]:
         DataError: if a line is invalid.
     """
     return [Sentence(label, f"stranger {label['speaker']}", _TURN) for label in _read_labels(TURNS)]
+
+
+def read_unseen_turns() -> list[Sentence]:
+    """Return the turns of authors of whom nothing is learnt.
+
+    Raises:
+        DataError: if a line is invalid.
+    """
+    return [Sentence(label, label["speaker"], 1.0) for label in _read_labels(UNSEEN)]
 
 
 def read_phrase_book() -> list[Sentence]:

@@ -53,8 +53,9 @@ from grounding.dialogue.reports import (
     tell_seen,
     tell_vehicle,
 )
-from grounding.dialogue.turns import Turn, read_turn
+from grounding.dialogue.turns import Turn, carrying_words, read_turn
 from grounding.goal.shift import Shift
+from grounding.language.problems import check_type
 from grounding.language.reader.fields import NONE
 from grounding.language.replies import Reply, read_reply
 from grounding.referent.resolver import Candidate
@@ -152,10 +153,14 @@ class Session:
         after a goal is dropped ("never mind").
 
         Raises:
+            CommandError: if the sentence is no text.
             AppoccError: if no scene is set.
         """
-        talk, reply = self._talk, read_reply(text, self._talk.grounder.lexicon)
+        check_type(text)
+        talk = self._talk
         talk.begin_turn()
+        text = carrying_words(talk, text)
+        reply = read_reply(text, talk.grounder.lexicon)
         guess = read_turn(talk, text, reply)
         turn = guess if guess is not None and guess.is_sure else None
         answer = (_answer_turn(talk, text, reply, turn) if turn else None) or _answer(talk, text, reply, turn)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, get_args
@@ -14,7 +15,7 @@ from grounding.language.reader.fields import FIELDS, NONE
 from grounding.language.reader.network import Numbers, Prediction
 from grounding.language.reader.revision import command_of, field_value
 from grounding.language.reader.turns import State, default_turn_reader
-from grounding.language.replies import SHIFTS, Reply, named_distance
+from grounding.language.replies import SHIFTS, Reply, named_distance, read_reply
 from grounding.language.syntax.tokenizer import Token, normalise, tokenise
 from grounding.query import Query, Referent
 from grounding.vocabulary import POSITIONS, Action, ShiftDirection
@@ -38,6 +39,9 @@ _SURE_RELATION = 0.9
 _DETAILED = {"yes": ("command", "number"), "no": ("number",), "remark": ("command", "number"), "pause": ("command",)}
 # Acts in which a number without a unit is a distance.
 _MEASURED = ("more", "less", "shift")
+# Acts of sentences that are left out beside one that does something else: reasons, chat, questions to oneself.
+_ASIDES = ("remark", "pause", "why", "about", "seek", "seen", "count", "room", "heading", "repeat")
+_SENTENCE = re.compile(r"(?<=[.!?])\s+(?=\S)")
 # Kinds of the patterns of replies that have another name as acts.
 ACTS_OF_KINDS = {"thanks": "remark", "former": "number", "latter": "number"} | dict.fromkeys(SHIFTS, "shift")
 
@@ -135,6 +139,26 @@ class Turn:
         if self.distance_m is not None:
             slots |= {"distance_m": self.distance_m, "distance_of": "referent"}
         return Query(text, referent=self.described(None) if self.best("noun") != NONE else None, **slots)
+
+
+def carrying_words(talk: Conversation, text: str) -> str:
+    """Return a turn without the sentences that are asides: "I'm in no rush. Stay behind it." is its second one.
+
+    A turn that does nothing else, one of one sentence, and the first one of a conversation stay whole.
+    """
+    sentences = _SENTENCE.split(text)
+    if len(sentences) == 1 or talk.is_opening or _predicted_act(talk, text) in ("", *_ASIDES):
+        return text
+    acts = [_predicted_act(talk, one) for one in sentences]
+    kept = [one for one, act in zip(sentences, acts, strict=True) if act not in _ASIDES]
+    return " ".join(kept) or text
+
+
+def _predicted_act(talk: Conversation, text: str) -> str:
+    """Return the likeliest act of some words by the network; '' for no words."""
+    tokens = tokenise(normalise(text), talk.grounder.lexicon)
+    prediction = default_turn_reader().read(tokens, state_of(talk), read_reply(text, talk.grounder.lexicon))
+    return prediction.best("act") if prediction is not None else ""
 
 
 def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:

@@ -14,6 +14,7 @@ from grounding.goal.lane_relative import propose_between, propose_on_our_way, pr
 from grounding.goal.reference_frames import ReferenceVehicle
 from grounding.goal.turns import propose_side_road
 from grounding.query import Query
+from grounding.referent.class_fit import PERSON_NOUNS
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
 
@@ -79,8 +80,13 @@ def propose_candidates(
 
 def explain_refusal(query: Query) -> str:
     """Return why a command is refused; '' if it is not."""
+    on_foot = query.referent is not None and query.referent.noun in PERSON_NOUNS  # who stands there, not we
     onto = any(
-        part.noun in _OFF_ROAD_NOUNS and part.relation in ("on", "onto", "into", "in") for part in query.secondary
+        part.noun in _OFF_ROAD_NOUNS
+        and part.relation in ("on", "onto", "into", "in")
+        and part.of == "goal"
+        and not on_foot
+        for part in query.secondary
     )
     return _REFUSALS.get("pavement" if onto else query.manoeuvre or "", "")
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 from appocc.errors import AppoccError
 from grounding.language.syntax.lexicon import Lexicon
 from grounding.language.syntax.spelling import suggest_word
 from grounding.language.syntax.tokenizer import Token, normalise
 from grounding.language.syntax.word_categories import WordCategory
+from grounding.language.syntax.word_model import common_words
 
 _EXAMPLE = "park behind the silver car"
 _ACTIONS = "park, stop, follow, overtake, turn and their like"
@@ -33,7 +35,7 @@ class CommandError(AppoccError, TypeError):
 class ParseProblem:
     """Why a sentence is not a driving command: a message and a span of the normalised sentence (empty if none).
 
-    `unreadable`: whether its words are the reason, a misspelt verb or no word that is known.
+    `unreadable`: whether its words are the reason: one that is misspelt, or none that is English.
     """
 
     message: str
@@ -66,7 +68,7 @@ def find_problem(
         return misspelling
     if all(token.category in (WordCategory.UNKNOWN, *_FUNCTION_WORDS) for token in tokens):
         message = f"no word of it is understood: expected a command such as '{_EXAMPLE}'"
-        return ParseProblem(message, unreadable=True)
+        return ParseProblem(message, unreadable=not any(token.text in common_words() for token in tokens))
     first = next(token for token in tokens if token.category not in _FUNCTION_WORDS)
     if first.category is WordCategory.QUESTION:
         return ParseProblem("a question is no driving command", first.start, first.end)
@@ -80,7 +82,8 @@ def _find_misspelt_verb(
 ) -> ParseProblem | None:
     """Return the problem of a misspelt verb: with the suggested verb the sentence is a command."""
     verbs = lexicon.written_words(WordCategory.VERB)
-    for token in [token for token in tokens if token.category is WordCategory.UNKNOWN][:_MAX_MISSPELT]:
+    unknown = (token for token in tokens if token.category is WordCategory.UNKNOWN and token.text not in common_words())
+    for token in islice(unknown, _MAX_MISSPELT):
         suggestion = suggest_word(token.text, verbs)
         corrected = f"{normalised[: token.start]}{suggestion}{normalised[token.end :]}"
         if suggestion and is_command(corrected):

@@ -80,7 +80,8 @@ class _Choice(NamedTuple):
 
 def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Resolution:
     """Resolve the referent of a query, with at most `limit` candidates."""
-    sought = _normalise(query)
+    named = _normalise(query)
+    sought = _by_vehicle(named, scene)
     referent = sought.referent
     if referent is None:
         return (
@@ -109,6 +110,8 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
         reason = f"what fits '{referent.phrase()}' best is {described}"
         return Resolution("ambiguous", candidates[:1], (reason, *scores.notes), question, (described,))
     reasons = _explain_choice(referent, num_matches, candidates[0], scene)
+    if sought is not named:
+        reasons.insert(0, f"no people are known here: '{referent.phrase()}' tells where")
     reasons += _explain_nearer_behind(referent, choices[0].row, scores, scene)
     return Resolution("ok", candidates, (*reasons, *scores.notes))
 
@@ -181,6 +184,17 @@ def _normalise(query: Query) -> Query:
             return replace(query, referent=vehicle, secondary=_without(ridden, secondary))
     riders = [part for part in inside if part.of == "inverse" and part.noun in PERSON_NOUNS]
     return replace(query, secondary=_without(riders, secondary))
+
+
+def _by_vehicle(query: Query, scene: SceneModel) -> Query:
+    """Return the query with the vehicle by which a person is described, where no people are known."""
+    referent = query.referent
+    if referent is None or referent.noun not in PERSON_NOUNS or "person" in scene.table.class_names:
+        return query
+    beside = [one for one in query.secondary if one.of == "referent" and one.noun in VEHICLE_NOUNS][:1]
+    if not beside:
+        return query
+    return replace(query, referent=to_referent(beside[0]), secondary=_without(beside, query.secondary))
 
 
 def _without(some: Sequence[Landmark], landmarks: tuple[Landmark, ...]) -> tuple[Landmark, ...]:

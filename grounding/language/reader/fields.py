@@ -10,6 +10,7 @@ from grounding.vocabulary import Action, Relation, ShiftDirection, Trigger
 
 NONE = "none"
 NOUNS: tuple[str, ...] = (NONE, *get_args(Noun))
+VEHICLES = tuple(one for one in NOUNS if one not in (NONE, "person"))
 QUALIFIERS: tuple[str, ...] = get_args(Qualifier)
 ACTIONS: tuple[str, ...] = get_args(Action)
 # What a sentence may have several of: qualifiers of the vehicle, and commanded actions.

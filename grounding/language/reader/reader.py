@@ -24,7 +24,7 @@ from grounding.query import Query
 WEIGHTS_PATH = Path(__file__).parent / "data" / "reader.safetensors"
 _MOST_BYTES = 10_000_000
 _RULE = "rule."
-_RULE_SHAPES = {"status": (8,), "qualifier": (13,), **dict.fromkeys(FIELDS, (7,))}
+_RULE_SHAPES = {"status": (9,), "qualifier": (15,), **dict.fromkeys(FIELDS, (8,))}
 
 
 @dataclass(frozen=True)

@@ -143,7 +143,7 @@ def test_strangers_are_read_better_than_by_the_grammar_alone() -> None:
 
 
 def test_an_unknown_word_is_no_vehicle_without_asking() -> None:
-    for text in ("stop behind the pelican", "park behind the wibble"):
+    for text in ("stop behind the flamingo", "park behind the wibble"):
         reading = parse(text)
         assert reading.doubt or reading.query.referent is None
 

@@ -12,11 +12,12 @@ from grounding.query import Exclusion, Query, Referent
 
 RED_CAR = Referent("car", "car", "red")
 QUERY = Query("park behind the red car", "park", ("park",), "behind", landmark="referent", referent=RED_CAR)
-# The network counts once, the grammar's vote is 3 and falls by 1.8 where it left three words out.
-VOTE = np.array([1.0, 3.0, -1.8, 0, 0, 0, 0])
+# The network counts once, the grammar's vote is 3, falls by 1.8 where it left three words out, and gains 3 where it
+# understood all.
+VOTE = np.array([1.0, 3.0, -1.8, 0, 0, 0, 0, 3.0])
 RULE = {
-    "status": np.array([0.0, 1.0, 0, 0, 0, 0, 0, 0]),
-    "qualifier": np.array([1.0, 1.0, 0, 0, 0, 0, 0, -1.0, 0, 0, 0, 0, 0]),
+    "status": np.array([0.0, 1.0, 0, 0, 0, 0, 0, 0, 0]),
+    "qualifier": np.array([1.0, 1.0, 0, 0, 0, 0, 0, 1.5, -1.0, 0, 0, 0, 0, 0, -1.5]),
     **dict.fromkeys(FIELDS, VOTE),
 }
 READ, GUESSED = Evidence(), Evidence(dropped=3)
@@ -111,7 +112,8 @@ def test_commands_and_others() -> None:
     nothing = revise(QUERY, READ, predict(status="reject"), RULE)
     assert nothing.query == Query(QUERY.command)
     assert nothing.changed == (("status", "ok", "reject"),)
-    found = revise(Query(QUERY.command), GUESSED, predict(qualifiers=("last",)), RULE)
+    accepting = RULE | {"status": np.array([1.0, 1.0, 0, 0, 0, 0, 0, 0, 0])}
+    found = revise(Query(QUERY.command), GUESSED, predict(qualifiers=("last",)), accepting)
     assert found.changed == (("status", "reject", "ok"),)
     assert found.query.referent == Referent("car", "motor", "red", ("last",))
     assert (found.query.action, found.query.relation, found.query.landmark) == ("park", "behind", "referent")
