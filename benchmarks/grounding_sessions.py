@@ -290,6 +290,8 @@ def judge_strangers(turn: Mapping[str, Any], answer: Answer, goal: Answer | None
         return ""
     wrong = []
     about = answer if answer.target is not None or goal is None else goal
+    # "Go past the bus, then pull over": of the steps, the last one that has a vehicle.
+    about = next((one for one in reversed(about.steps) if one.referent), about) if about.referent is None else about
     referent = about.referent.item.id if about.referent else None
     # "candidates[1] of the previous answer"
     if rule := expected.get("referent_rule"):
@@ -300,10 +302,12 @@ def judge_strangers(turn: Mapping[str, Any], answer: Answer, goal: Answer | None
     if referent not in meant:
         wrong.append(f"referent {referent}")
     relations = {expected["relation"], *expected.get("relation_alt", [])}
-    relation: str = answer.query.relation
-    if relation == "none":  # whoever follows is behind, who overtakes ends in front
-        relation = _IMPLIED.get(answer.query.action or "", relation)
-    given = {relation, answer.query.relation, *_ALSO.get(relation, ())}
+    query = about.query if answer.referent is None else answer.query
+    relation: str = query.relation
+    if relation == "none":  # whoever follows is behind, who overtakes ends in front, who collects someone is beside them
+        person = query.referent is not None and query.referent.noun == "person"
+        relation = "at" if person else _IMPLIED.get(query.action or "", relation)
+    given = {relation, query.relation, *_ALSO.get(relation, ())}
     if expected["relation"] is not None and not given & relations:
         wrong.append(f"relation {answer.query.relation}")
     if expected["relation"] is not None and answer.target is None:

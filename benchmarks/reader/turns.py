@@ -27,9 +27,9 @@ _PHRASES = 3
 _LISTS = ("act_alt", "action_alt", "relation_alt", "secondary", "excluded")
 # How often a turn, one of the phrase book, a whole command, another sentence, and a phrase of the patterns are drawn.
 _TURN, _BOOK, _WHOLE, _REJECTED, _PATTERN = 2.0, 1.0, 0.15, 0.05, 0.25
-# Acts with a vehicle, a place, and an action.
-_OF_VEHICLES = ("describe", "command", "then", "count", "seek")
-_OF_PLACES = ("place", "command", "then")
+# Acts that may name a vehicle, a place, and an action: where one names none, that is learnt too.
+_OF_VEHICLES = ("describe", "place", "command", "then", "count", "seek")
+_OF_PLACES = ("describe", "place", "command", "then")
 _OF_ACTIONS = ("command", "then", "drop")
 # What a sentence that is no command may do besides.
 _OTHER_ACTS = ("heading", "why", "about", "seek", "count", "room", "seen")

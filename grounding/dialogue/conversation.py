@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 # Vehicles fit alike if their log scores differ by less, as by their places alone.
 _ALIKE = 2.5
-# Plans that a conversation can go back to.
-_MAX_EARLIER = 8
 
 
 class Conversation:
@@ -131,8 +129,7 @@ class Conversation:
                 replace(step, chosen=done.referent)
                 for step, done in zip(steps, answer.steps or (answer,), strict=False)
             )
-            earlier = (state.plan, *state.earlier)[:_MAX_EARLIER] if state.plan else state.earlier
-            state = replace(state, plan=steps, goal=answer, question=None, asked=steps, earlier=earlier)
+            state = replace(state.with_earlier(), plan=steps, goal=answer, question=None, asked=steps)
             if answer.referent is not None and answer.query.referent is not None:
                 state = replace(state, focus=(answer.referent, answer.query.referent), topic=None)
         elif answer.candidates or answer.alternatives or answer.plan.question:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from grounding.answer import Answer
 from grounding.answering import Request
 from grounding.query import Referent
 from grounding.referent.resolver import Candidate
+
+# Plans that a conversation can go back to.
+_MAX_EARLIER = 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +40,10 @@ class Memory:
     offered: tuple[Candidate, ...] = ()
     rejected: frozenset[str] = frozenset()
     earlier: tuple[tuple[Request, ...], ...] = ()
+
+    def with_earlier(self) -> Memory:
+        """Return the memory with the plan in force among the earlier ones."""
+        return replace(self, earlier=(self.plan, *self.earlier)[:_MAX_EARLIER]) if self.plan else self
 
     @property
     def request(self) -> Request | None:

@@ -92,7 +92,11 @@ def explain_refusal(query: Query) -> str:
 
 
 def propose_relation(relation: str, query: Query, road: RoadMap, item: SceneObject) -> Proposal:
-    """Return the candidate sets of a relation to a vehicle."""
+    """Return the candidate sets of a relation to a vehicle, or to a person, whose heading says nothing."""
+    if item.class_name == "person":
+        short, beyond, *level = propose_near("near", query, item, road)[0]
+        parts = {"behind": [short], "before": [short], "past": [beyond]}
+        return parts.get(relation, [*level, short, beyond]), []
     if relation in ("behind", "in_front_of", "same_as"):
         return propose_in_line("behind" if relation == "same_as" else relation, query, item, road)
     if relation in ("next_to", "left_of", "right_of"):

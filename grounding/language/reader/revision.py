@@ -31,8 +31,9 @@ _CERTAIN = 0.9
 # Least log odds at which a sentence is a command that the grammar takes for none, and at which it remains one: the
 # weights are fitted on sentences of which seven in eight are commands.
 _LEAST_ODDS, _LEAST_ODDS_KEPT = 2.5, 1.0
-# Least probability of an action, beside the main one, that stays commanded: "two mins" is no wait.
-_LEAST_ACTION = 0.05
+# Least probability of an action, beside the main one, that stays commanded: "two mins" is no wait, and "I'm walking
+# that way" is nothing to do.
+_LEAST_ACTION, _LEAST_OTHER = 0.05, 0.5
 # Most words of a sentence whose vehicle without a class ("the white one") is found in the scene.
 _SHORT = 6
 # Actions that may stand for what a sentence forbids: "don't overtake it" is `other`.
@@ -168,7 +169,12 @@ def revise(query: Query, evidence: Evidence, prediction: Prediction, rule: Mappi
 
 def _commanded(query: Query, prediction: Prediction) -> tuple[Action, ...]:
     """Return the actions of a query that the network takes for commanded too, and the main one."""
-    return tuple(one for one in query.actions if one == query.action or prediction.actions[one] >= _LEAST_ACTION)
+    least = {"other": _LEAST_OTHER}
+    return tuple(
+        one
+        for one in query.actions
+        if one == query.action or prediction.actions[one] >= least.get(one, _LEAST_ACTION)
+    )
 
 
 def _may_be_opposite(field: str, own: str, other: str, evidence: Evidence, certain: bool) -> bool:
