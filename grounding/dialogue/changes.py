@@ -23,6 +23,7 @@ from grounding.dialogue.telling import said
 from grounding.dialogue.turns import Turn
 from grounding.goal.shift import Shift
 from grounding.language import Reading
+from grounding.language.revised_readings import evidence_of
 from grounding.language.replies import Reply
 from grounding.query import Query, Referent
 from grounding.referent.resolver import Candidate, resolve
@@ -94,8 +95,9 @@ def _answer_description(
     """Answer the description of a vehicle: one of the candidates of a question, else any vehicle of the scene."""
     request = talk.state.request
     reading = read_description(reply.rest, talk.antecedent, talk.readings, whole=True)
-    if reading is None and turn is not None and turn.act == "describe":
-        reading = described_by(turn, talk.antecedent)
+    told = described_by(turn, talk.antecedent) if turn is not None and turn.act == "describe" else None
+    if told is not None and (reading is None or not (reading.query.secondary or evidence_of(reading).contrary)):
+        reading = told  # only the grammar knows neighbours, and what is not meant
     reading = reading or read_description(reply.rest, talk.antecedent, talk.readings)
     if question is not None and (others := all_but(talk, reply.rest, question)) and request is not None:
         return talk.narrow(others, replace(request, reading=said(request.reading, text)))

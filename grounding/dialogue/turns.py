@@ -107,7 +107,7 @@ class Turn:
         if noun != NONE:
             return Referent(noun, self.prediction.head or noun, named, qualifiers)
         like = antecedent or Referent("vehicle", "one")
-        return Referent(like.noun, like.head, named, qualifiers, anaphora=True)
+        return Referent(like.noun, like.head, named or like.colour, qualifiers, anaphora=True)
 
     def as_command(self, reading: Reading) -> Reading:
         """Return the reading of a command, with that of the network where it has none; what both say is no doubt."""

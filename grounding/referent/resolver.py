@@ -24,6 +24,8 @@ from grounding.scene_object import SceneObject
 MAX_CANDIDATES = 6
 # Candidates whose log scores differ by less than this are a tie.
 _TIE_MARGIN = np.log(1.5)
+# Share of the fit of the best one in the words that one in a tie has at least.
+_TIE_FIT = 0.5
 # Least probability of the object that an ordinal counts to.
 _LEAST_ORDINAL_PROBABILITY = 0.05
 # Below the first no object fits a word; below the second the best object fits it doubtfully.
@@ -99,7 +101,9 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
     if find_ordinals(referent.qualifiers) and scores.probability[choices[0].row] < _LEAST_ORDINAL_PROBABILITY:
         too_few = _explain_too_few(referent, num_matches)
         return Resolution("not_found", _candidates(choices[:limit], scene, scores), (too_few, *scores.notes))
-    tied = [choice for choice in choices if choice.score > choices[0].score - _TIE_MARGIN]
+    fit = np.prod(list(scores.word_fits.values()), axis=0)
+    least_fit = _TIE_FIT * fit[choices[0].row]  # a nearer van is no car like a farther car
+    tied = [one for one in choices if one.score > choices[0].score - _TIE_MARGIN and fit[one.row] >= least_fit]
     if len(tied) > 1 and referent.definite:
         listed = _without_chains(tied)
         return _ambiguous(referent, _candidates(listed[:limit], scene, scores), len(tied), scene, scores)
