@@ -31,6 +31,10 @@ from grounding.vocabulary import Action, ShiftDirection
 
 # Distance of "a bit".
 BIT_M = 2.0
+_OPPOSITE: dict[ShiftDirection, ShiftDirection] = {
+    **{"away": "near", "near": "away", "ahead": "back", "back": "ahead"},
+    **{"leftwards": "rightwards", "rightwards": "leftwards"},
+}
 
 
 def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | None = None) -> Answer | None:
@@ -175,11 +179,14 @@ def shift_from_named(talk: Conversation, text: str, reply: Reply) -> Answer | No
 
 
 def shift_more(talk: Conversation, text: str, sign: float, distance_m: float = BIT_M) -> Answer:
-    """Enlarge or reduce the distance of the last command: to its vehicle if that was named, else along our way."""
+    """Enlarge or reduce the last shift, else the distance to the vehicle of the last command, else along our way."""
     request = talk.state.request
-    to_vehicle = request is not None and request.query.distance_of == "referent"
-    direction: ShiftDirection = ("away" if sign > 0 else "near") if to_vehicle else ("ahead" if sign > 0 else "back")
-    return shift_last(talk, text, Shift(direction, distance_m))
+    direction: ShiftDirection = "ahead"
+    if request is not None and request.shifts:
+        direction = request.shifts[-1].direction
+    elif request is not None and request.query.landmark == "referent":
+        direction = "away"
+    return shift_last(talk, text, Shift(direction if sign > 0 else _OPPOSITE[direction], distance_m))
 
 
 def change_distance(talk: Conversation, text: str, distance_m: float) -> Answer:

@@ -163,7 +163,11 @@ class Session:
         reply = read_reply(text, talk.grounder.lexicon)
         guess = read_turn(talk, text, reply)
         turn = guess if guess is not None and guess.is_sure else None
-        answer = (_answer_turn(talk, text, reply, turn) if turn else None) or _answer(talk, text, reply, turn)
+        answer = _answer_turn(talk, text, reply, turn) if turn else None
+        plain = reply.rest and {*reply.kinds} <= {"meant"} and not talk.is_opening
+        if answer is None and guess is not None and guess.is_chat and plain:
+            answer = (_answer_turn(talk, text, reply, guess) if guess.is_likely else None) or keep(talk, text)
+        answer = answer or _answer(talk, text, reply, turn)
         if answer.status == "not_a_command" and guess is not None and guess.is_likely:
             answer = _answer_turn(talk, text, reply, guess) or answer  # better than not understood
         return replace(answer, chooser=self.choose)

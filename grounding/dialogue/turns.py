@@ -42,6 +42,12 @@ _MEASURED = ("more", "less", "shift")
 # Acts of sentences that are left out beside one that does something else: reasons, chat, questions to oneself.
 _ASIDES = ("remark", "pause", "why", "about", "seek", "seen", "count", "room", "heading", "repeat")
 _SENTENCE = re.compile(r"(?<=[.!?])\s+(?=\S)")
+# Acts that a command or a description in the words may stand for, and their least probability together.
+_DOING = (
+    *("command", "then", "place", "describe", "drop", "shift", "more", "less", "half", "double", "elsewhere"),
+    *("number", "other", "middle", "following", "previous", "undo"),
+)
+_LEAST_DOING = 0.25
 # Kinds of the patterns of replies that have another name as acts.
 ACTS_OF_KINDS = {"thanks": "remark", "former": "number", "latter": "number"} | dict.fromkeys(SHIFTS, "shift")
 
@@ -80,6 +86,12 @@ class Turn:
     def is_likely(self) -> bool:
         """Whether the act is believed where the grammar finds nothing."""
         return self.sure >= _SURE and self.act in _HARMLESS
+
+    @property
+    def is_chat(self) -> bool:
+        """Whether it hardly does anything, whatever command the grammar finds in it."""
+        shares = self.prediction.choices["act"]
+        return not self.is_sure and sum(shares[one] for one in _DOING) < _LEAST_DOING
 
     def best(self, field: str) -> str:
         """Return the likeliest value of a field."""
