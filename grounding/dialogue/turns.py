@@ -20,9 +20,11 @@ from grounding.language.syntax.tokenizer import Token, normalise, tokenise
 from grounding.query import Query, Referent
 from grounding.vocabulary import POSITIONS, Action, ShiftDirection
 
-# Least probability of an act that is taken, of one that chooses or drops something, and of a qualifier.
-_SURE, _SURE_CHOICE, _LEAST_QUALIFIER = 0.5, 0.55, 0.5
+# Least probability of an act that is taken, and of a qualifier.
+_SURE, _LEAST_QUALIFIER = 0.55, 0.5
 _LEAST = 1e-4
+# The same of one that changes nothing by itself, where the grammar finds nothing.
+_LIKELY = 0.5
 # Acts that choose or change nothing but by the words of the turn.
 _HARMLESS = ("describe", "place", "heading", "why", "repeat", "seen", "about", "count", "seek", "room", "remark")
 # Least probability that all is to be dropped, and of an act that nothing else in the turn supports.
@@ -85,7 +87,7 @@ class Turn:
     @property
     def is_likely(self) -> bool:
         """Whether the act is believed where the grammar finds nothing."""
-        return self.sure >= _SURE and self.act in _HARMLESS
+        return self.sure >= _LIKELY and self.act in _HARMLESS
 
     @property
     def is_chat(self) -> bool:
@@ -210,7 +212,7 @@ def _least_probability(talk: Conversation, reply: Reply, reading: Reading, act: 
         return _SURE_AGAINST_PATTERN
     if act == "cancel":
         return _SURE_CANCEL
-    return max(_SURE_AGAINST if doubted else _SURE, _SURE if act in _HARMLESS else _SURE_CHOICE)
+    return _SURE_AGAINST if doubted else _SURE
 
 
 def _is_command(reading: Reading) -> bool:

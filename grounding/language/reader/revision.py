@@ -21,9 +21,9 @@ from grounding.vocabulary import REFUSED, Action
 
 # Least probability of a value that counts.
 _LEAST = 1e-4
-# What the grammar's vote gains where it understood every word (nats): it keeps to the rules of the labelled files, of
-# which the authors of the sentences knew little.
-_TRUST = 3.0
+# What the grammar's vote gains where it understood every word (nats; a field, a qualifier that it has): it keeps to the
+# rules of the labelled files, of which the authors of the sentences knew little.
+_TRUST, _TRUST_QUALIFIER = 3.0, 1.5
 # Least probability of the class of a vehicle that the grammar does not find.
 _LEAST_GUESS = 0.5
 # Probability above which the network may change "mind the van" to another action.
@@ -33,7 +33,7 @@ _CERTAIN = 0.9
 _LEAST_ODDS, _LEAST_ODDS_KEPT = 2.5, 1.0
 # Least probability of an action, beside the main one, that stays commanded: "two mins" is no wait, and "I'm walking
 # that way" is nothing to do.
-_LEAST_ACTION, _LEAST_OTHER = 0.05, 0.5
+_LEAST_ACTION, _LEAST_OTHER = 0.05, 0.1
 # Most words of a sentence whose vehicle without a class ("the white one") is found in the scene.
 _SHORT = 6
 # Actions that may stand for what a sentence forbids: "don't overtake it" is `other`.
@@ -155,7 +155,8 @@ def revise(query: Query, evidence: Evidence, prediction: Prediction, rule: Mappi
     qualifiers = tuple(
         one
         for one, probability in prediction.qualifiers.items()
-        if qualifier_numbers(one in said, evidence, probability) @ rule["qualifier"] > 0
+        if qualifier_numbers(one in said, evidence, probability) @ rule["qualifier"]
+        > (-_TRUST_QUALIFIER * evidence.whole if one in said else 0.0)
         and (one in said or not evidence.contrary)  # "not parked on the right"
     )
     if query.sought is not None and not evidence.dropped and evidence.words <= _SHORT:

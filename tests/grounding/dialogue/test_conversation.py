@@ -42,9 +42,9 @@ def test_an_answer_that_is_not_understood_is_asked_again() -> None:
     again = session.say("banana")
     assert (again.status, again.question) == ("ambiguous", question)
     assert session.say("7").question == question
-    weather = session.say("what's the weather doing?")
-    assert weather.status in ("not_a_command", "ambiguous")
-    assert weather.question == question
+    music = session.say("do you like music?")
+    assert music.status in ("not_a_command", "ambiguous")
+    assert music.question == question
 
 
 def test_another_speed_keeps_the_goal() -> None:
