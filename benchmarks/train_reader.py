@@ -56,7 +56,7 @@ def cases_of(network: ReaderNetwork, sentences: Sequence[Sentence]) -> list[Case
 
 
 def report_held_out(cases: Sequence[Case], speakers: Sequence[str]) -> None:
-    """Print the shares of sentences that are read right: by the grammar, the network, and a rule of other speakers."""
+    """Print the shares of sentences that are read right: by the grammar, the network, and the rule of others."""
     ways: dict[str, list[ScoredCommand]] = {"grammar": [], "network": [], "both": []}
     for part in range(PARTS):
         held = [part_of(speaker) == part for speaker in speakers]

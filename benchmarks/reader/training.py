@@ -56,7 +56,9 @@ class Training:
         """Return the weights of an ensemble."""
         with ProcessPoolExecutor(self.workers, initializer=torch.set_num_threads, initargs=(1,)) as pool:
             examples = list(pool.map(self.example_of, [one.label for one in learnt], chunksize=100))
-            pairs = [(example, one.weight) for example, one in zip(examples, learnt, strict=True) if example is not None]
+            pairs = [
+                (example, one.weight) for example, one in zip(examples, learnt, strict=True) if example is not None
+            ]
             paths = [self.work / f"{member}.safetensors" for member in range(MEMBERS)]
             list(pool.map(partial(self._train_member, pairs), range(MEMBERS), paths))
         return stacked([load_file(path) for path in paths])

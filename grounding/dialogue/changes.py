@@ -23,8 +23,8 @@ from grounding.dialogue.telling import said
 from grounding.dialogue.turns import Turn
 from grounding.goal.shift import Shift
 from grounding.language import Reading
-from grounding.language.revised_readings import evidence_of
 from grounding.language.replies import Reply
+from grounding.language.revised_readings import evidence_of
 from grounding.query import Query, Referent
 from grounding.referent.resolver import Candidate, resolve
 from grounding.vocabulary import Action, ShiftDirection

@@ -82,7 +82,9 @@ def _find_misspelt_verb(
 ) -> ParseProblem | None:
     """Return the problem of a misspelt verb: with the suggested verb the sentence is a command."""
     verbs = lexicon.written_words(WordCategory.VERB)
-    unknown = (token for token in tokens if token.category is WordCategory.UNKNOWN and token.text not in common_words())
+    unknown = (
+        token for token in tokens if token.category is WordCategory.UNKNOWN and token.text not in common_words()
+    )
     for token in islice(unknown, _MAX_MISSPELT):
         suggestion = suggest_word(token.text, verbs)
         corrected = f"{normalised[: token.start]}{suggestion}{normalised[token.end :]}"

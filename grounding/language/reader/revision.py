@@ -21,8 +21,8 @@ from grounding.vocabulary import REFUSED, Action
 
 # Least probability of a value that counts.
 _LEAST = 1e-4
-# What the grammar's vote gains where it understood every word (nats; a field, a qualifier that it has): it keeps to the
-# rules of the labelled files, of which the authors of the sentences knew little.
+# What the grammar's vote gains where it understood every word (nats; a field, a qualifier that it has): it keeps to
+# the rules of the labelled files, of which the authors of the sentences knew little.
 _TRUST, _TRUST_QUALIFIER = 3.0, 1.5
 # Least probability of the class of a vehicle that the grammar does not find.
 _LEAST_GUESS = 0.5
@@ -179,7 +179,7 @@ def _commanded(query: Query, prediction: Prediction) -> tuple[Action, ...]:
 
 
 def _may_be_opposite(field: str, own: str, other: str, evidence: Evidence, certain: bool) -> bool:
-    """Return whether another value might turn a sentence into its opposite; `certain`: whether it is all but certain."""
+    """Return whether another value, which may be all but certain, might turn a sentence into its opposite."""
     if field == "action":
         return (own == "avoid" and not certain) or (evidence.contrary and (own in _FORBIDDING or other == "other"))
     return field == "direction" and evidence.contrary
