@@ -127,3 +127,65 @@ def test_the_same_words_are_read_once_a_turn(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(Grounder, "read", counted)
     session.say("the one my nan used to drive, on the left")
     assert len(read) == len(set(read)) > 0
+
+
+def test_sentences_that_are_asides_are_left_out() -> None:
+    session = row()
+    answer = session.say("I'm in no rush today. Stop behind the blue one.")
+    assert (answer.status, answer.query.relation) == ("ok", "behind"), answer.text()
+    assert answer.referent is not None
+    assert answer.referent.item.id == "blue"
+    assert not answer.reading.dropped
+
+
+def test_chat_with_a_verb_is_no_command() -> None:
+    session = row()
+    goal = session.goal
+    for text in ("she's screaming her head off, the poor thing", "he should learn to park, that one"):
+        answer = session.say(text)
+        assert (answer.status, session.goal) == ("not_a_command", goal), answer.text()
+
+
+def test_a_cancelled_plan_can_be_gone_back_to() -> None:
+    session = row()
+    session.say("forget it")
+    assert session.goal is None
+    answer = session.say("go back to what we had before")
+    assert answer.status == "ok", answer.text()
+    assert answer.referent is not None
+    assert (answer.referent.item.id, answer.query.relation) == ("near", "behind")
+
+
+def test_more_repeats_the_last_shift() -> None:
+    session = Street().car("red", 33, -5, RED).grounder().session()
+    places = [session.say(text).target for text in ("stop behind the red car", "a bit further back", "a bit more")]
+    along = [place.ego_m[0] for place in places if place is not None]
+    assert len(along) == 3
+    assert along[0] > along[1] > along[2]
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, np.pi / 2, np.pi])
+def test_who_is_collected_stands_at_the_kerb(yaw_rad: float) -> None:
+    person = Street().car("van", 34, -5, BLUE)
+    person.car("man", 26, -8.8, None, yaw_rad, size_wlh_m=(0.6, 0.6, 1.8), category="human.pedestrian.adult")
+    answer = person.grounder().session().say("stop next to the man on the pavement by the blue car")
+    assert answer.status == "ok", answer.text()
+    assert answer.referent is not None
+    assert answer.referent.item.id == "man"
+    assert answer.target is not None
+    assert abs(answer.target.ego_m[0] - 26) < 3
+    assert answer.target.ego_m[1] < -4
+
+
+def test_a_person_is_where_the_vehicle_is_if_no_people_are_known() -> None:
+    answer = (
+        Street()
+        .car("near", 12, -5, RED)
+        .car("blue", 28, -5, BLUE)
+        .grounder()
+        .ground("stop next to the guy by the blue car")
+    )
+    assert answer.status == "ok", answer.text()
+    assert answer.referent is not None
+    assert answer.referent.item.id == "blue"
+    assert any("no people are known here" in reason for reason in answer.reasons)

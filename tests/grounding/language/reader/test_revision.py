@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from grounding.language.reader.fields import ACTIONS, CHOICES, FIELDS, NOUNS, QUALIFIERS
 from grounding.language.reader.network import Prediction
 from grounding.language.reader.revision import Evidence, query_of, revise
-from grounding.query import Exclusion, Query, Referent
+from grounding.query import Exclusion, Landmark, Query, Referent
 
 RED_CAR = Referent("car", "car", "red")
 QUERY = Query("park behind the red car", "park", ("park",), "behind", landmark="referent", referent=RED_CAR)
@@ -119,3 +121,24 @@ def test_commands_and_others() -> None:
     assert (found.query.action, found.query.relation, found.query.landmark) == ("park", "behind", "referent")
     assert 0.3 < found.sure < 0.6
     assert query_of("x", predict(status="reject")).action is None
+
+
+def test_what_both_say_is_never_doubted() -> None:
+    rule = RULE | {"relation": np.array([1.0, -5.0, 0, 0, 0, 0, 0, 0])}
+    assert revise(QUERY, GUESSED, predict(0.4), rule).query.relation == "behind"
+
+
+def test_a_person_beside_the_vehicle_is_meant() -> None:
+    beside = (Landmark("guy", "near", "inverse"),)
+    query = Query(
+        "next to the guy by the red car", "stop", ("stop",), "next_to", landmark="referent", referent=RED_CAR
+    )
+    person = predict(action="stop", relation="next_to", noun="person", colour="none")
+    found = revise(replace(query, secondary=beside), GUESSED, person, RULE).query
+    assert found.referent == Referent("person", "guy")
+    assert found.secondary == (Landmark("car", "near", "referent", "red"),)
+
+
+def test_a_negated_sentence_gets_no_further_qualifier() -> None:
+    negated = GUESSED._replace(contrary=True)
+    assert revise(QUERY, negated, predict(qualifiers=("right_side",)), RULE).changed == ()
