@@ -304,9 +304,7 @@ def judge_strangers(turn: Mapping[str, Any], answer: Answer, goal: Answer | None
     relations = {expected["relation"], *expected.get("relation_alt", [])}
     query = about.query if answer.referent is None else answer.query
     relation: str = query.relation
-    if (
-        relation == "none"
-    ):  # whoever follows is behind, who overtakes ends in front, who collects someone is beside them
+    if relation == "none":  # whoever follows is behind, who overtakes in front, who collects someone is beside them
         person = query.referent is not None and query.referent.noun == "person"
         relation = "at" if person else _IMPLIED.get(query.action or "", relation)
     given = {relation, query.relation, *_ALSO.get(relation, ())}

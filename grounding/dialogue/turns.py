@@ -170,9 +170,14 @@ def carrying_words(talk: Conversation, text: str) -> str:
 
 def _predicted_act(talk: Conversation, text: str) -> str:
     """Return the likeliest act of some words by the network; '' for no words."""
-    tokens = tokenise(normalise(text), talk.grounder.lexicon)
-    prediction = default_turn_reader().read(tokens, state_of(talk), read_reply(text, talk.grounder.lexicon))
+    _, prediction = _predict(talk, text, read_reply(text, talk.grounder.lexicon))
     return prediction.best("act") if prediction is not None else ""
+
+
+def _predict(talk: Conversation, text: str, reply: Reply) -> tuple[Sequence[Token], Prediction | None]:
+    """Return the tokens of some words, and what the network predicts; None for no words."""
+    tokens = tokenise(normalise(text), talk.grounder.lexicon)
+    return tokens, default_turn_reader().read(tokens, state_of(talk), reply)
 
 
 def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
@@ -183,14 +188,12 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
         text: the turn.
         reply: the turn as the patterns of replies split it.
     """
-    reading = talk.read(reply.rest or text)
-    reader = default_turn_reader()
-    tokens = tokenise(normalise(text), talk.grounder.lexicon)
-    prediction = reader.read(tokens, state_of(talk), reply)
+    tokens, prediction = _predict(talk, text, reply)
     if prediction is None:
         return None
+    reading = talk.read(reply.rest or text)
     own = own_act(reply, reading)
-    scores = vote_on_act(prediction.choices["act"], own, reader.rule["act"])
+    scores = vote_on_act(prediction.choices["act"], own, default_turn_reader().rule["act"])
     act = max(scores, key=scores.__getitem__)
     if act == own[0] != "command" or own[0] in _DETAILED.get(act, ()):
         return None  # the patterns of replies, or the grammar, know the details
