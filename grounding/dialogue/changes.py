@@ -31,6 +31,7 @@ from grounding.vocabulary import Action, ShiftDirection
 
 # Distance of "a bit".
 BIT_M = 2.0
+_ACROSS: dict[str, str] = {"leftwards": "to the left", "rightwards": "to the right"}
 _OPPOSITE: dict[ShiftDirection, ShiftDirection] = {
     **{"away": "near", "near": "away", "ahead": "back", "back": "ahead"},
     **{"leftwards": "rightwards", "rightwards": "leftwards"},
@@ -160,6 +161,8 @@ def shift_last(talk: Conversation, text: str, shift: Shift) -> Answer:
     moved = replace(last, shifts=(*last.shifts, shift), reading=said(last.reading, text))
     steps = (*state.plan[:-1], moved)
     answer = talk.answer_steps(steps)
+    if answer.status != "ok" and shift.direction in _ACROSS and shift.distance_m == BIT_M:
+        return inform(talk, text, f"no more room {_ACROSS[shift.direction]} of the goal: it stays where it was")
     if answer.status != "ok":
         return replace(answer, reasons=(*answer.reasons, "the goal stays where it was"))
     return talk.settle(steps, answer)

@@ -21,6 +21,9 @@ from grounding.language.revised_readings import evidence_of
 from grounding.query import Referent
 from grounding.vocabulary import Action
 
+# Actions that are about a vehicle.
+_OF_VEHICLES = ("follow", "overtake", "drive_past", "approach", "avoid")
+
 
 def answer_command(
     talk: Conversation,
@@ -54,6 +57,7 @@ def answer_command(
     base = state.request
     readings = tuple(keep_action(said(one, text), base.query if base else None) for one in readings)
     readings = tuple(widen(one, talk.scene) for one in readings)
+    readings = tuple(_about_focus(talk, one) for one in readings)
     first = readings[0]
     if names_pronoun(first):
         if state.question is not None and len(state.question.candidates) > 1 and not agreed:
@@ -88,6 +92,16 @@ def answer_command(
     if edits and not then and (edited := replace_step(talk, requests_of(answer.reading))):
         return edited
     return talk.take(requests_of(answer.reading), then, answer)
+
+
+def _about_focus(talk: Conversation, reading: Reading) -> Reading:
+    """Return a reading with the vehicle spoken of, if its action needs one and it names none: "just go past"."""
+    query = reading.query
+    named = query.referent or query.secondary or query.unresolved or query.relation != "none"
+    if query.action not in _OF_VEHICLES or named or talk.antecedent is None:
+        return reading
+    query = replace(query, referent=replace(talk.antecedent, anaphora=True))
+    return replace(reading, query=query, steps=(query,) if len(reading.steps) == 1 else reading.steps)
 
 
 def ask_to_stop(talk: Conversation, text: str, words: str) -> Answer | None:

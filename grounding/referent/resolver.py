@@ -92,7 +92,8 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
             else Resolution("ok", (), note_unmapped(sought, scene))
         )
     if absence := _explain_absence(referent, scene):
-        return Resolution("not_found", (), (absence,))
+        stays = query.action == "wait" and referent.noun in PERSON_NOUNS  # for whom we wait needs not be known
+        return Resolution("ok" if stays else "not_found", (), (absence,))
     scores = score_objects(sought, referent, scene)
     num_matches = int(scores.matches.sum())
     choices = _rank_choices(sought, referent, scene, scores) if num_matches else []

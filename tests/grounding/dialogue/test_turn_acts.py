@@ -189,3 +189,25 @@ def test_a_person_is_where_the_vehicle_is_if_no_people_are_known() -> None:
     assert answer.referent is not None
     assert answer.referent.item.id == "blue"
     assert any("no people are known here" in reason for reason in answer.reasons)
+
+
+def test_at_the_kerb_there_is_no_more_room_and_the_goal_stays() -> None:
+    session = row()
+    for _ in range(3):
+        answer = session.say("a bit more to the right")
+    assert answer.status == "ok", answer.text()
+    assert answer.target is not None
+    assert any("no more room to the right" in reason for reason in answer.reasons)
+
+
+def test_we_wait_for_people_who_are_not_known() -> None:
+    session = row()
+    assert session.say("and then wait for my mother").status == "ok"
+
+
+def test_an_action_that_needs_a_vehicle_is_about_the_one_spoken_of() -> None:
+    session = row()
+    answer = session.say("just drive past instead")
+    assert answer.status == "ok", answer.text()
+    assert answer.referent is not None
+    assert (answer.referent.item.id, answer.query.action) == ("near", "drive_past")
