@@ -138,6 +138,17 @@ def revise(query: Query, evidence: Evidence, prediction: Prediction, rule: Mappi
         return Revision(command_of(query.command, prediction), (("status", "reject", "ok"),), certain)
     if odds < _LEAST_ODDS_KEPT and query.manoeuvre not in REFUSED:
         return Revision(Query(query.command), (("status", "ok", "reject"),), sure)
+    values = _vote_on_fields(query, evidence, prediction, rule)
+    qualifiers = _vote_on_qualifiers(query, evidence, prediction, rule)
+    revised = _with_values(query, values, qualifiers, prediction)
+    revised = replace(revised, actions=_commanded(revised, prediction))
+    return Revision(revised, _changes(query, revised), sure * prediction.certainty)
+
+
+def _vote_on_fields(
+    query: Query, evidence: Evidence, prediction: Prediction, rule: Mapping[str, Numbers]
+) -> dict[str, str]:
+    """Return the value of each field after the vote."""
     values = {}
     for field in FIELDS:
         own = field_value(query, field)
@@ -147,25 +158,29 @@ def revise(query: Query, evidence: Evidence, prediction: Prediction, rule: Mappi
         best = max(scores, key=scores.__getitem__)
         certain = shares.get(best, 0.0) > _CERTAIN
         values[field] = own if _may_be_opposite(field, own, best, evidence, certain) else best
-    if query.referent is None and prediction.choices["noun"].get(values["noun"], 0.0) < _LEAST_GUESS:
-        values["noun"] = NONE
-    if values["action"] in query.actions:
+    if values["action"] in query.actions and query.action is not None:
         values["action"] = query.action  # both are commanded: which one takes the vehicle is the grammar's
+    # "The white one": the scene tells which vehicle that is. "That one": no word names a class.
+    by_scene = query.sought is not None and not evidence.dropped and evidence.words <= _SHORT
+    nameless = query.unresolved and not (prediction.head or evidence.dropped or evidence.unknown)
+    guessed = query.referent is None and prediction.choices["noun"].get(values["noun"], 0.0) < _LEAST_GUESS
+    if by_scene or nameless or guessed:
+        values["noun"] = NONE
+    return values
+
+
+def _vote_on_qualifiers(
+    query: Query, evidence: Evidence, prediction: Prediction, rule: Mapping[str, Numbers]
+) -> tuple[str, ...]:
+    """Return the qualifiers of the vehicle after the vote."""
     said = query.referent.qualifiers if query.referent else ()
-    qualifiers = tuple(
+    return tuple(
         one
         for one, probability in prediction.qualifiers.items()
         if qualifier_numbers(one in said, evidence, probability) @ rule["qualifier"]
         > (-_TRUST_QUALIFIER * evidence.whole if one in said else 0.0)
         and (one in said or not evidence.contrary)  # "not parked on the right"
     )
-    if query.sought is not None and not evidence.dropped and evidence.words <= _SHORT:
-        values["noun"] = NONE  # "the white one": the scene tells which vehicle that is
-    if query.unresolved and not (prediction.head or evidence.dropped or evidence.unknown):
-        values["noun"] = NONE  # "that one": no word names a class
-    revised = _with_values(query, values, qualifiers, prediction)
-    revised = replace(revised, actions=_commanded(revised, prediction))
-    return Revision(revised, _changes(query, revised), sure * prediction.certainty)
 
 
 def _commanded(query: Query, prediction: Prediction) -> tuple[Action, ...]:
