@@ -11,7 +11,6 @@ networks are kept in the work folder, and are not trained again if they are ther
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import compress
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ import numpy as np
 from benchmarks.reader.examples import Sentence, example_of, read_sentences, read_unseen_sentences
 from benchmarks.reader.network import TorchReader
 from benchmarks.reader.rule import Case, fit_rule
-from benchmarks.reader.training import PARTS, SEED, SIZES, Training, arguments, part_of, write_reader
+from benchmarks.reader.training import SEED, SIZES, Training, arguments, cross_fit, write_reader
 from benchmarks.reader.variants import Variants
 from grounding.language.evaluation import CORE_FIELDS, ScoredCommand, score_command
 from grounding.language.parser import parse
@@ -55,17 +54,14 @@ def cases_of(network: ReaderNetwork, sentences: Sequence[Sentence]) -> list[Case
     return cases
 
 
-def report_held_out(cases: Sequence[Case], speakers: Sequence[str]) -> None:
+def report(cases: Sequence[Case], unseen: Sequence[Sentence]) -> None:
     """Print the shares of sentences that are read right: by the grammar, the network, and the rule of others."""
     ways: dict[str, list[ScoredCommand]] = {"grammar": [], "network": [], "both": []}
-    for part in range(PARTS):
-        held = [part_of(speaker) == part for speaker in speakers]
-        rule = fit_rule([one for one, is_held in zip(cases, held, strict=True) if not is_held])
-        for one in compress(cases, held):
-            both = revise(one.query, one.evidence, one.prediction, rule).query
-            queries = (one.query, query_of(one.label["command"], one.prediction), both)
-            for scores, query in zip(ways.values(), queries, strict=True):
-                scores.append(score_command(one.label, query.to_dict()))
+    for one, rule in cross_fit(cases, unseen, fit_rule):
+        both = revise(one.query, one.evidence, one.prediction, rule).query
+        queries = (one.query, query_of(one.label["command"], one.prediction), both)
+        for scores, query in zip(ways.values(), queries, strict=True):
+            scores.append(score_command(one.label, query.to_dict()))
     for way, scores in ways.items():
         print(f"{len(cases)} sentences of unseen authors, {way}: {_figures(scores)}", flush=True)
 
@@ -93,7 +89,7 @@ def main() -> None:
     weights = training.run([*sentences, *draw_variants(sentences)])
     unseen = read_unseen_sentences()
     cases = cases_of(ReaderNetwork(weights), unseen)
-    report_held_out(cases, [one.speaker for one in unseen])
+    report(cases, unseen)
     write_reader(asked.out, weights, fit_rule(cases))
 
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,7 @@ from torch import Tensor
 from benchmarks.reader.examples import Sentence
 from benchmarks.reader.network import TorchReader, start_from
 from benchmarks.reader.rule import as_tensor, minimise
-from benchmarks.reader.training import PARTS, SEED, SIZES, Training, arguments, part_of, write_reader
+from benchmarks.reader.training import SEED, SIZES, Training, arguments, cross_fit, write_reader
 from benchmarks.reader.turns import (
     read_patterns,
     read_phrase_book,
@@ -102,19 +101,19 @@ def fit_rule(cases: Sequence[Case]) -> Numbers:
     return minimise(loss, np.array([1.0, 1.0, 1.0]))
 
 
-def report(votes: Sequence[tuple[Case, str, float]]) -> None:
-    """Print the shares of turns whose act is right, by the grammar, the network and both, and of other fields.
-
-    Args:
-        votes: each turn, its act after the vote, and the probability of that.
-    """
+def report(cases: Sequence[Case], unseen: Sequence[Sentence]) -> None:
+    """Print the shares of turns whose act is right, by the grammar, the network and both, and of other fields."""
     ways: dict[str, list[bool]] = {"grammar": [], "network": [], "both": []}
     fields: dict[str, list[bool]] = {"shift": [], "relation": [], "vehicle": []}
-    for one, best, sure in votes:
+    unsure = []
+    for one, rule in cross_fit(cases, unseen, fit_rule):
         shares, right = one.prediction.choices["act"], (one.label["act"], *one.label["act_alt"])
+        votes = vote_on_act(shares, one.own, rule)
+        best = max(votes, key=votes.__getitem__)
         for way, act in zip(ways, (one.own[0], max(shares, key=shares.__getitem__), best), strict=True):
             ways[way].append(act in right)
-        turn = Turn(best, sure, one.prediction)
+        unsure.append(votes[best] < 0.5)
+        turn = Turn(best, votes[best], one.prediction)
         if one.label["act"] == "shift":
             fields["shift"].append(turn.best("shift") == one.label["shift"])
         if one.label["act"] == "place" and one.label["relation"]:
@@ -124,8 +123,8 @@ def report(votes: Sequence[tuple[Case, str, float]]) -> None:
             alike = (found.colour, {*found.qualifiers}) == (wanted["colour"], {*wanted["qualifiers"]})
             fields["vehicle"].append(alike)
     figures = [f"{way} {100 * np.mean(each):.1f} %" for way, each in (ways | fields).items()]
-    unsure = 100 * np.mean([sure < 0.5 for *_, sure in votes])
-    print(f"{len(votes)} turns of unseen authors: act {', '.join(figures)}; unsure {unsure:.1f} %", flush=True)
+    share = 100 * np.mean(unsure)
+    print(f"{len(cases)} turns of unseen authors: act {', '.join(figures)}; unsure {share:.1f} %", flush=True)
 
 
 def main() -> None:
@@ -136,15 +135,7 @@ def main() -> None:
     weights = training.run(learnt_sentences())
     unseen = read_unseen_turns()
     cases = cases_of(ReaderNetwork(weights, TURN_CHOICES), unseen)
-    parts = [part_of(one.label["speaker"]) for one in unseen]
-    votes: list[tuple[Case, str, float]] = []
-    for part in range(PARTS):
-        rule = fit_rule([case for case, own in zip(cases, parts, strict=True) if own != part])
-        for case in compress(cases, [own == part for own in parts]):
-            shares = vote_on_act(case.prediction.choices["act"], case.own, rule)
-            best = max(shares, key=shares.__getitem__)
-            votes.append((case, best, shares[best]))
-    report(votes)
+    report(cases, unseen)
     write_reader(asked.out, weights, {"act": fit_rule(cases)})
 
 

@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from itertools import compress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from zlib import crc32
 
 import numpy as np
@@ -21,12 +22,14 @@ from benchmarks.reader.examples import Example, Sentence, preferences
 from benchmarks.reader.network import TorchReader, batch_of, export_weights, stacked
 from grounding.language.reader.network import Numbers
 
+CaseT = TypeVar("CaseT")
+RuleT = TypeVar("RuleT")
 # Networks of an ensemble, each with its own seed.
 SEED, MEMBERS, BATCH = 0, 2, 128
 # Batches whose sentences are sorted by length, so that a batch has little padding.
 _SORTED = 16
-# Parts of the unseen speakers.
-PARTS = 3
+# Parts of the unseen speakers: a rule is judged on one that it was not fitted on.
+_PARTS = 3
 # Numbers a word, states a direction, and shares of dropped states, features, and words.
 SIZES: dict[str, Any] = {"size": 64, "hidden": 128, "dropout": 0.3, "feature_dropout": 0.15, "word_dropout": 0.1}
 _FIELD_WEIGHTS = {"status": 2.0, "direction": 0.7, "goal_side": 0.5, "landmark": 0.5, "trigger": 0.5, "act": 2.0}
@@ -120,9 +123,21 @@ def loss_of(found: dict[str, Tensor], examples: Sequence[Example]) -> Tensor:
     return total / len(examples)
 
 
-def part_of(speaker: str) -> int:
-    """Return the part of the unseen speakers, for rules that are fitted on the others, to which one belongs."""
-    return crc32(speaker.encode()) % PARTS
+def cross_fit(
+    cases: Sequence[CaseT], unseen: Sequence[Sentence], fit: Callable[[Sequence[CaseT]], RuleT]
+) -> Iterator[tuple[CaseT, RuleT]]:
+    """Yield each case with the rule that is fitted on the cases of the other speakers.
+
+    Args:
+        cases: a case of each sentence.
+        unseen: the sentences.
+        fit: fits a rule on cases.
+    """
+    parts = [crc32(one.speaker.encode()) % _PARTS for one in unseen]
+    for part in range(_PARTS):
+        held = [own == part for own in parts]
+        rule = fit([case for case, is_held in zip(cases, held, strict=True) if not is_held])
+        yield from ((case, rule) for case in compress(cases, held))
 
 
 def arguments(doc: str, out: Path, work: Path, steps: int) -> argparse.Namespace:

@@ -31,6 +31,7 @@ from grounding.vocabulary import Action, ShiftDirection
 
 # Distance of "a bit".
 BIT_M = 2.0
+# Shifts to the side in words, and the opposite of each shift.
 _ACROSS: dict[str, str] = {"leftwards": "to the left", "rightwards": "to the right"}
 _OPPOSITE: dict[ShiftDirection, ShiftDirection] = {
     **{"away": "near", "near": "away", "ahead": "back", "back": "ahead"},
@@ -161,11 +162,11 @@ def shift_last(talk: Conversation, text: str, shift: Shift) -> Answer:
     moved = replace(last, shifts=(*last.shifts, shift), reading=said(last.reading, text))
     steps = (*state.plan[:-1], moved)
     answer = talk.answer_steps(steps)
-    if answer.status != "ok" and shift.direction in _ACROSS and shift.distance_m == BIT_M:
+    if answer.status == "ok":
+        return talk.settle(steps, answer)
+    if shift.direction in _ACROSS and shift.distance_m == BIT_M:
         return inform(talk, text, f"no more room {_ACROSS[shift.direction]} of the goal: it stays where it was")
-    if answer.status != "ok":
-        return replace(answer, reasons=(*answer.reasons, "the goal stays where it was"))
-    return talk.settle(steps, answer)
+    return replace(answer, reasons=(*answer.reasons, "the goal stays where it was"))
 
 
 def shift_from_named(talk: Conversation, text: str, reply: Reply) -> Answer | None:

@@ -42,9 +42,11 @@ def widen(reading: Reading, scene: SceneModel) -> Reading:
     referent = reading.query.referent
     if referent is None or not referent.anaphora or not (referent.colour or referent.qualifiers):
         return reading
+    if referent.noun == "vehicle":
+        return reading
     found = resolve(reading.query, scene)
     unknown = bool(referent.colour) and all(one.item.rgb is None for one in found.candidates[:1])
-    if referent.noun == "vehicle" or (found.status == "ok" and not unknown):
+    if found.status == "ok" and not unknown:
         return reading
     query = replace(reading.query, referent=replace(referent, noun="vehicle", head="one"))
     found = resolve(query, scene)

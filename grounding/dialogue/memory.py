@@ -1,4 +1,4 @@
-"""What a conversation remembers."""
+"""Dialogue state: plan, goal, referents and open question of a conversation."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ _MAX_EARLIER = 8
 
 @dataclass(frozen=True, kw_only=True)
 class Memory:
-    """What a conversation remembers.
+    """Dialogue state.
 
     Attributes:
         plan: steps in force, in order; empty without a goal.
         goal: answer whose goal is in force; None without one.
-        asked: steps that were asked for last, in force or not.
-        at: index of the step that the last question or answer is about.
+        asked: steps of the last command, in force or not.
+        at: index in `asked` of the step of the last question or answer.
         focus: last referent, and its description.
-        topic: vehicles that were spoken of without one of them being meant.
+        topic: description of vehicles that were counted; None if a referent came after.
         question: answer whose question is open; None without one.
         offered: candidates of the last question.
         rejected: ids of the candidates that were refused since the last command.

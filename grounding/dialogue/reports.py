@@ -70,8 +70,7 @@ def keep(talk: Conversation, text: str) -> Answer:
 def cancel(talk: Conversation, text: str) -> Answer:
     """Drop the goal and the question; the plan can be gone back to."""
     had = talk.state.plan or talk.state.question
-    talk.state = talk.state.with_earlier()
-    talk.state = replace(talk.state, plan=(), goal=None, question=None)
+    talk.state = replace(talk.state.with_earlier(), plan=(), goal=None, question=None)
     return inform(
         talk, text, "the command is dropped: no goal is set" if had else "no command to drop: no goal is set"
     )

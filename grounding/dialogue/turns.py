@@ -11,7 +11,7 @@ from typing import Any, get_args
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import has_verb, is_understood
 from grounding.language import Reading, WordCategory
-from grounding.language.reader.fields import FIELDS, NONE
+from grounding.language.reader.fields import ACTS, FIELDS, NONE
 from grounding.language.reader.network import Numbers, Prediction
 from grounding.language.reader.revision import command_of, field_value
 from grounding.language.reader.turns import State, default_turn_reader
@@ -25,8 +25,12 @@ _SURE, _LEAST_QUALIFIER = 0.55, 0.5
 _LEAST = 1e-4
 # The same of one that changes nothing by itself, where the grammar finds nothing.
 _LIKELY = 0.5
+# Acts that choose and change nothing: chat, and questions. A sentence that is one is left out beside others.
+_ASIDES = ("remark", "pause", "why", "about", "seek", "seen", "count", "room", "heading", "repeat")
 # Acts that choose or change nothing but by the words of the turn.
-_HARMLESS = ("describe", "place", "heading", "why", "repeat", "seen", "about", "count", "seek", "room", "remark")
+_HARMLESS = ("describe", "place", *(one for one in _ASIDES if one != "pause"))
+# Acts that a command or a description in the words may stand for.
+_DOING = tuple(one for one in ACTS if one not in (*_ASIDES, "yes", "no", "any", "neither", "cancel"))
 # Least probability that all is to be dropped, and of an act that nothing else in the turn supports.
 _SURE_CANCEL, _CERTAIN = 0.9, 0.9
 # Least probability of a reply where the grammar finds a command.
@@ -41,14 +45,8 @@ _SURE_RELATION = 0.9
 _DETAILED = {"yes": ("command", "number"), "no": ("number",), "remark": ("command", "number"), "pause": ("command",)}
 # Acts in which a number without a unit is a distance.
 _MEASURED = ("more", "less", "shift")
-# Acts of sentences that are left out beside one that does something else: reasons, chat, questions to oneself.
-_ASIDES = ("remark", "pause", "why", "about", "seek", "seen", "count", "room", "heading", "repeat")
 _SENTENCE = re.compile(r"(?<=[.!?])\s+(?=\S)")
-# Acts that a command or a description in the words may stand for, and their least probability together.
-_DOING = (
-    *("command", "then", "place", "describe", "drop", "shift", "more", "less", "half", "double", "elsewhere"),
-    *("number", "other", "middle", "following", "previous", "undo"),
-)
+# Least probability of all acts that do something.
 _LEAST_DOING = 0.25
 # Kinds of the patterns of replies that have another name as acts.
 ACTS_OF_KINDS = {"thanks": "remark", "former": "number", "latter": "number"} | dict.fromkeys(SHIFTS, "shift")

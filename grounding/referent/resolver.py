@@ -102,7 +102,7 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
     if find_ordinals(referent.qualifiers) and scores.probability[choices[0].row] < _LEAST_ORDINAL_PROBABILITY:
         too_few = _explain_too_few(referent, num_matches)
         return Resolution("not_found", _candidates(choices[:limit], scene, scores), (too_few, *scores.notes))
-    fit = np.prod(list(scores.word_fits.values()), axis=0)
+    fit = scores.fit
     least_fit = _TIE_FIT * fit[choices[0].row]  # a nearer van is no car like a farther car
     tied = [one for one in choices if one.score > choices[0].score - _TIE_MARGIN and fit[one.row] >= least_fit]
     if len(tied) > 1 and referent.definite:
@@ -309,7 +309,7 @@ def _not_found(query: Query, referent: Referent, scene: SceneModel, scores: Refe
     reasons += [f"none of the {len(scene.table)} here is '{word}'" for word in lacking]
     # The mean ranks objects that miss one word before objects that miss all.
     order = np.lexsort((scene.table.distance_m, -word_fits.mean(axis=0).round(1)))[: limit // 2]
-    product = np.log(word_fits.prod(axis=0) + 1e-9)
+    product = np.log(scores.fit + 1e-9)
     misses = [_Choice(i, -1, float(product[i])) for i in order.tolist()]
     return Resolution("not_found", _candidates(misses, scene, scores), (*reasons, *scores.notes))
 

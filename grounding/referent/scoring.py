@@ -54,6 +54,11 @@ class ReferentScores:
     log_score: FloatArray
     notes: tuple[str, ...]
 
+    @property
+    def fit(self) -> FloatArray:
+        """Membership (N,) in all words: their product."""
+        return _product(self.word_fits)
+
 
 def score_objects(query: Query, referent: Referent, scene: SceneModel) -> ReferentScores:
     """Score all objects of a scene as a query's referent."""

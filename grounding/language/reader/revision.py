@@ -223,7 +223,7 @@ def _with_values(
         query = _about_person(query)
     referent = _referent(query.referent, values, qualifiers, prediction.head)
     if referent is not None and _is_excluded(referent, query.excluded) and referent != query.referent:
-        referent = query.referent  # the opposite of what was said
+        referent = query.referent  # the command excludes the other one
     action: Any = values["action"]
     relation: Any = values["relation"]
     direction: Any = None if values["direction"] == NONE else values["direction"]
