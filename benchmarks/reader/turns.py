@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+from functools import cache
 from pathlib import Path
 from typing import Any, get_args
 from zlib import crc32
@@ -12,11 +13,13 @@ from appocc.errors import DataError
 from appocc.files import read_text
 from benchmarks.reader.examples import Example, Sentence, colour_words, read_sentences, tags_of
 from grounding.dialogue.turns import ACTS_OF_KINDS
+from grounding.language.parser import parse
 from grounding.language.reader.features import WordFacts
 from grounding.language.reader.fields import ACTS, NONE, NOUNS, QUALIFIERS, TURN_CHOICES
 from grounding.language.reader.turns import State, turn_rows
 from grounding.language.replies import Reply, read_reply, reply_patterns
 from grounding.language.syntax.tokenizer import normalise, tokenise
+from grounding.query import Query
 
 TURNS = Path(__file__).parent / "sentences" / "turns.jsonl"
 UNSEEN = Path(__file__).parent / "sentences" / "unseen_turns.jsonl"
@@ -122,6 +125,12 @@ def read_patterns(seed: int) -> list[Sentence]:
     return found
 
 
+@cache
+def _command_before(said: str) -> Query | None:
+    """Return what the passenger said before; None where it is not known."""
+    return parse(said, revised=False).query if said else None
+
+
 def turn_example(label: dict[str, Any]) -> Example | None:
     """Return the example of a labelled turn, None for one without words."""
     text = label["command"]
@@ -130,7 +139,7 @@ def turn_example(label: dict[str, Any]) -> Example | None:
         return None
     # What the patterns make of their own phrases is mostly hidden, so that the words are learnt.
     reply = read_reply(text) if label.get("shown", True) else Reply(rest=text)
-    rows, facts = turn_rows(tokens, label["state"], reply)
+    rows, facts = turn_rows(tokens, label["state"], reply, _command_before(label.get("said", "")))
     right = {"act": [ACTS.index(one) for one in (label["act"], *label["act_alt"]) if one in ACTS]}
     acts = {label["act"], *label["act_alt"]}
     if "shift" in acts and label["shift"]:

@@ -29,10 +29,10 @@ from grounding.query import Query, Referent
 from grounding.referent.resolver import Candidate, resolve
 from grounding.vocabulary import Action, ShiftDirection
 
-# Distance of "a bit".
+# Distance of "a bit", and distances to another place than the goal.
 BIT_M = 2.0
-# Shifts to the side in words, and the opposite of each shift.
-_ACROSS: dict[str, str] = {"leftwards": "to the left", "rightwards": "to the right"}
+_ELSEWHERE_M = (6.0, 12.0)
+# The opposite of each shift.
 _OPPOSITE: dict[ShiftDirection, ShiftDirection] = {
     **{"away": "near", "near": "away", "ahead": "back", "back": "ahead"},
     **{"leftwards": "rightwards", "rightwards": "leftwards"},
@@ -49,7 +49,8 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
         return None
     base = request.query
     antecedent = talk.antecedent or (None if base.referent else Referent("vehicle", "one"))
-    if both := describe_and_place(reply.rest, base, antecedent, talk.readings):
+    only_places = turn is not None and turn.act == "place" and turn.described(None) is None
+    if not only_places and (both := describe_and_place(reply.rest, base, antecedent, talk.readings)):
         return _replace(talk, text, both, request)
     describes = turn is not None and turn.act == "describe" and turn.best("relation") == "none"
     describes = describes and not begins_with_place(reply.rest, talk.readings)  # "behind the beige one would do"
@@ -101,7 +102,7 @@ def _answer_description(
     """Answer the description of a vehicle: one of the candidates of a question, else any vehicle of the scene."""
     request = talk.state.request
     reading = read_description(reply.rest, talk.antecedent, talk.readings, whole=True)
-    told = described_by(turn, talk.antecedent) if turn is not None and turn.act == "describe" else None
+    told = _likeliest(talk, turn) if turn is not None and turn.act == "describe" else None
     if told is not None and (reading is None or not (reading.query.secondary or evidence_of(reading).contrary)):
         reading = told  # only the grammar knows neighbours, and what is not meant
     reading = reading or read_description(reply.rest, talk.antecedent, talk.readings)
@@ -126,6 +127,13 @@ def _answer_description(
     if question is not None or (turn is not None and talk.state.question is not None):
         return None  # a question stays open if what is not plain fits nothing
     return talk.take(talk.state.with_request(described))
+
+
+def _likeliest(talk: Conversation, turn: Turn) -> Reading | None:
+    """Return the likeliest description that a vehicle of the scene fits, else the likeliest; None without one."""
+    found = [reading_of(one) for one in turn.descriptions(talk.antecedent)]
+    here = (one for one in found if resolve(widen(one, talk.scene).query, talk.scene).status != "not_found")
+    return next(here, found[0] if found else None)
 
 
 def described_by(turn: Turn | None, antecedent: Referent | None) -> Reading | None:
@@ -164,9 +172,22 @@ def shift_last(talk: Conversation, text: str, shift: Shift) -> Answer:
     answer = talk.answer_steps(steps)
     if answer.status == "ok":
         return talk.settle(steps, answer)
-    if shift.direction in _ACROSS and shift.distance_m == BIT_M:
-        return inform(talk, text, f"no more room {_ACROSS[shift.direction]} of the goal: it stays where it was")
+    if shift.distance_m == BIT_M:
+        return inform(talk, text, f"there is no room {shift.words}: the goal stays where it was")
     return replace(answer, reasons=(*answer.reasons, "the goal stays where it was"))
+
+
+def move_elsewhere(talk: Conversation, text: str) -> Answer:
+    """Move the goal in force to the nearest other place that will do, along our way."""
+    before = talk.state
+    answers = []
+    for distance_m in _ELSEWHERE_M:
+        for direction in ("ahead", "back"):
+            talk.state = before
+            answers.append(shift_last(talk, text, Shift(direction, distance_m)))
+            if answers[-1].status == "ok":
+                return answers[-1]
+    return answers[0]
 
 
 def shift_from_named(talk: Conversation, text: str, reply: Reply) -> Answer | None:

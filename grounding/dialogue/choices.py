@@ -55,15 +55,28 @@ def take_any(talk: Conversation, text: str) -> Answer:
     return talk.choose((ours or question.candidates)[0], request, text)
 
 
-def go_back(talk: Conversation, text: str) -> Answer:
-    """Put the plan in force that was so before the last one."""
+def go_back(talk: Conversation, text: str, described: Referent | None = None) -> Answer:
+    """Put the plan in force that was so before the last one, or that was about a vehicle: "back to the red one"."""
     if not talk.state.earlier:
         return inform(talk, text, "no other command was given before")
-    before, *earlier = talk.state.earlier
+    before, *earlier = talk.state.earlier[_index_of(talk, described) :]
     answer = talk.take([replace(one, reading=said(one.reading, text)) for one in before])
     if earlier:  # the next "undo" goes back farther; at the first plan it puts the last one in force again
         talk.state = replace(talk.state, earlier=tuple(earlier))
     return answer
+
+
+def _index_of(talk: Conversation, described: Referent | None) -> int:
+    """Return the number of the last earlier plan that was about a vehicle as described, of the oldest for "first"."""
+    earlier = talk.state.earlier
+    if described is None:
+        return 0
+    if "first" in described.qualifiers and described.anaphora and described.colour is None:
+        return len(earlier) - 1
+    about = [next((step.chosen for step in reversed(plan) if step.chosen), None) for plan in earlier]
+    fitting = find_fitting(reading_of(described), [one for one in about if one is not None], talk.scene)
+    ids = {one.item.id for one in fitting}
+    return next((i for i, one in enumerate(about) if one is not None and one.item.id in ids), 0)
 
 
 def refuse(talk: Conversation, text: str) -> Answer:
@@ -84,11 +97,17 @@ def choose_offered(talk: Conversation, text: str, index: int) -> Answer:
 
 
 def choose_middle(talk: Conversation, text: str) -> Answer:
-    """Take the middle one of an odd number of candidates, along our way."""
+    """Take the middle one of an odd number of candidates, along our way; of all that fit, if an even number was offered."""
     request, question = talk.state.request, talk.state.question
-    if request is None or question is None or len(question.candidates) % 2 == 0:
+    offered = question.candidates if question is not None else talk.state.offered
+    if request is None or not offered:
         return ask_again(talk, text)
-    row = sorted(question.candidates, key=lambda one: float(talk.scene.lanes.project(one.item.centre_m[None])[0][0]))
+    if len(offered) % 2 == 0 and request.query.referent is not None:
+        any_of = replace(request.query.referent, definite=False)
+        offered = resolve(replace(request.query, referent=any_of), talk.scene).candidates
+    if len(offered) % 2 == 0:
+        return ask_again(talk, text)
+    row = sorted(offered, key=lambda one: float(talk.scene.lanes.project(one.item.centre_m[None])[0][0]))
     return talk.choose(row[len(row) // 2], request, text)
 
 

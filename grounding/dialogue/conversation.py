@@ -67,12 +67,14 @@ class Conversation:
         return state.focus[0] if state.focus else None
 
     def spoken_of(self, candidates: Sequence[Candidate]) -> Candidate | None:
-        """Return the only one of several vehicles that fit alike which an earlier plan was about; None without one.
+        """Return the only one of several vehicles that fit alike which was spoken of before; None without one.
 
-        A definite description refers to what is known to both: "back to the red one".
+        A definite description refers to what is known to both, by an earlier plan or the last question: "back to the
+        red one".
         """
         alike = [one for one in candidates if one.score > candidates[0].score - _ALIKE]
         ids = {step.chosen.item.id for plan in self.state.earlier for step in plan if step.chosen is not None}
+        ids |= {one.item.id for one in self.state.offered}
         known = [one for one in alike if one.item.id in ids]
         return known[0] if len(alike) > 1 and len(known) == 1 else None
 

@@ -20,6 +20,7 @@ from grounding.dialogue.changes import (
     change_distance,
     described_by,
     drop_steps,
+    move_elsewhere,
     scale_distance,
     shift_from_named,
     shift_last,
@@ -47,13 +48,15 @@ from grounding.dialogue.reports import (
     count,
     keep,
     look_for,
+    notice,
     tell_goal,
     tell_reasons,
     tell_room,
     tell_seen,
     tell_vehicle,
 )
-from grounding.dialogue.turns import Turn, carrying_words, read_turn
+from grounding.dialogue.parts import Part, clauses_of, is_misunderstood, sentences_of
+from grounding.dialogue.turns import Turn, read_turn
 from grounding.goal.shift import Shift
 from grounding.language.problems import check_type
 from grounding.language.reader.fields import NONE
@@ -65,8 +68,6 @@ from tracking.tracks import Track
 if TYPE_CHECKING:
     from grounding.grounder import Grounder
 
-# Distance to another place than the goal.
-_ELSEWHERE_M = 6.0
 # What replies without further words do.
 _ACTS: Mapping[str, Callable[[Conversation, str], Answer]] = {
     "cancel": cancel,
@@ -93,7 +94,7 @@ _ACTS: Mapping[str, Callable[[Conversation, str], Answer]] = {
     "double": partial(scale_distance, factor=2.0),
     "more": partial(shift_more, sign=1.0),
     "less": partial(shift_more, sign=-1.0),
-    "elsewhere": partial(shift_last, shift=Shift("ahead", _ELSEWHERE_M)),
+    "elsewhere": move_elsewhere,
 }
 # Replies that mean something before any command.
 _WITHOUT_COMMAND = ("seen", "cancel")
@@ -159,18 +160,7 @@ class Session:
         check_type(text)
         talk = self._talk
         talk.begin_turn()
-        text = carrying_words(talk, text)
-        reply = read_reply(text, talk.grounder.lexicon)
-        guess = read_turn(talk, text, reply)
-        turn = guess if guess is not None and guess.is_sure else None
-        answer = _answer_turn(talk, text, reply, turn) if turn else None
-        plain = reply.rest and {*reply.kinds} <= {"meant"} and not talk.is_opening
-        if answer is None and guess is not None and guess.is_chat and plain:
-            answer = (_answer_turn(talk, text, reply, guess) if guess.is_likely else None) or keep(talk, text)
-        answer = answer or _answer(talk, text, reply, turn)
-        if answer.status == "not_a_command" and guess is not None and guess.is_likely:
-            answer = _answer_turn(talk, text, reply, guess) or answer  # better than not understood
-        return replace(answer, chooser=self.choose)
+        return replace(_say(talk, text), chooser=self.choose)
 
     def choose(self, number: int) -> Answer:
         """Choose a candidate of the last question, or of the last answer, by its number from 1.
@@ -222,6 +212,63 @@ class Session:
         return answer
 
 
+def _say(talk: Conversation, text: str) -> Answer:
+    """Answer a sentence, or several: each one in turn, if each is plain by itself and does something else."""
+    before = talk.state
+    sentences = [] if talk.is_opening else sentences_of(talk, text)
+    acts = [one.act for one in sentences if not one.is_aside]
+    plain = all(one.is_sure for one in sentences) and len({*acts}) == len(acts)
+    if plain and (answer := _say_each(talk, sentences)):
+        return answer
+    answer = _say_one(talk, text)
+    if is_misunderstood(answer):
+        after, talk.state = talk.state, before
+        again = _say_each(talk, clauses_of(talk, text))
+        if again is not None and again.status == "ok":
+            return again
+        talk.state = after
+    return answer
+
+
+def _say_each(talk: Conversation, parts: Sequence[Part]) -> Answer | None:
+    """Answer the parts of a turn one after the other; None if all of them are asides.
+
+    Returns:
+        The answer to the last part that chooses or changes something. One that comes to nothing, and asks for nothing
+        new, is a reason: "The second one. It's right outside my house".
+    """
+    several = any(not (one.is_aside or one.is_reply) for one in parts)
+    answer = None
+    for one in parts:
+        before = talk.state
+        if one.is_chat or (one.is_reply and several):
+            notice(talk, one.text)
+        elif one.is_aside:
+            _say_one(talk, one.text)
+        else:
+            told = _say_one(talk, one.text)
+            if answer is None or one.is_command or told.status == "ok":
+                answer = told
+            else:
+                talk.state = before
+    return answer
+
+
+def _say_one(talk: Conversation, text: str) -> Answer:
+    """Answer one sentence."""
+    reply = read_reply(text, talk.grounder.lexicon)
+    guess = read_turn(talk, text, reply)
+    turn = guess if guess is not None and guess.is_sure else None
+    answer = _answer_turn(talk, text, reply, turn) if turn else None
+    plain = reply.rest and {*reply.kinds} <= {"meant"} and not talk.is_opening
+    if answer is None and guess is not None and guess.is_chat and plain:
+        answer = (_answer_turn(talk, text, reply, guess) if guess.is_likely else None) or keep(talk, text)
+    answer = answer or _answer(talk, text, reply, turn)
+    if answer.status == "not_a_command" and guess is not None and guess.is_likely:
+        answer = _answer_turn(talk, text, reply, guess) or answer  # better than not understood
+    return answer
+
+
 def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Answer | None:
     """Answer a turn by what its reader takes it for; None where the grammar is to answer."""
     act, state = turn.act, talk.state
@@ -252,6 +299,8 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
         return drop_steps(talk, text, turn.action) if known or turn.is_certain else None
     if act == "room":
         return tell_room(talk, text, reply.rest or text)
+    if act == "undo":
+        return go_back(talk, text, turn.described(None))
     return _ACTS[act](talk, text) if act in _ACTS else None
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, get_args
@@ -23,14 +22,16 @@ from grounding.vocabulary import POSITIONS, Action, ShiftDirection
 # Least probability of an act that is taken, and of a qualifier.
 _SURE, _LEAST_QUALIFIER = 0.55, 0.5
 _LEAST = 1e-4
+# Least probability of a colour that is tried where no vehicle has the likeliest.
+_LEAST_COLOUR = 0.02
 # The same of one that changes nothing by itself, where the grammar finds nothing.
 _LIKELY = 0.5
 # Acts that choose and change nothing: chat, and questions. A sentence that is one is left out beside others.
-_ASIDES = ("remark", "pause", "why", "about", "seek", "seen", "count", "room", "heading", "repeat")
+ASIDES = ("remark", "pause", "why", "about", "seek", "seen", "count", "room", "heading", "repeat")
 # Acts that choose or change nothing but by the words of the turn.
-_HARMLESS = ("describe", "place", *(one for one in _ASIDES if one != "pause"))
+_HARMLESS = ("describe", "place", *(one for one in ASIDES if one != "pause"))
 # Acts that a command or a description in the words may stand for.
-_DOING = tuple(one for one in ACTS if one not in (*_ASIDES, "yes", "no", "any", "neither", "cancel"))
+_DOING = tuple(one for one in ACTS if one not in (*ASIDES, "yes", "no", "any", "neither", "cancel"))
 # Least probability that all is to be dropped, and of an act that nothing else in the turn supports.
 _SURE_CANCEL, _CERTAIN = 0.9, 0.9
 # Least probability of a reply where the grammar finds a command.
@@ -45,7 +46,6 @@ _SURE_RELATION = 0.9
 _DETAILED = {"yes": ("command", "number"), "no": ("number",), "remark": ("command", "number"), "pause": ("command",)}
 # Acts in which a number without a unit is a distance.
 _MEASURED = ("more", "less", "shift")
-_SENTENCE = re.compile(r"(?<=[.!?])\s+(?=\S)")
 # Least probability of all acts that do something.
 _LEAST_DOING = 0.25
 # Kinds of the patterns of replies that have another name as acts.
@@ -121,6 +121,16 @@ class Turn:
         like = antecedent or Referent("vehicle", "one")
         return Referent(like.noun, like.head, named or like.colour, qualifiers, anaphora=True)
 
+    def descriptions(self, antecedent: Referent | None) -> list[Referent]:
+        """Return what it describes, as by `described`, then the same with its other likely colours, or without one."""
+        best = self.described(antecedent)
+        if best is None:
+            return []
+        shares = self.prediction.choices["colour"]
+        likely = sorted((one for one in shares if shares[one] > _LEAST_COLOUR), key=lambda one: -shares[one])
+        others = (None if one == NONE else one for one in (*likely, NONE))
+        return [best, *(replace(best, colour=one) for one in dict.fromkeys(others) if one != best.colour)]
+
     def as_command(self, reading: Reading) -> Reading:
         """Return the reading of a command, with that of the network where it has none; what both say is no doubt."""
         own = command_of(reading.query.command, self.prediction)
@@ -153,29 +163,11 @@ class Turn:
         return Query(text, referent=self.described(None) if self.best("noun") != NONE else None, **slots)
 
 
-def carrying_words(talk: Conversation, text: str) -> str:
-    """Return a turn without the sentences that are asides: "I'm in no rush. Stay behind it." is its second one.
-
-    A turn that does nothing else, one of one sentence, and the first one of a conversation stay whole.
-    """
-    sentences = _SENTENCE.split(text)
-    if len(sentences) == 1 or talk.is_opening or _predicted_act(talk, text) in ("", *_ASIDES):
-        return text
-    acts = [_predicted_act(talk, one) for one in sentences]
-    kept = [one for one, act in zip(sentences, acts, strict=True) if act not in _ASIDES]
-    return " ".join(kept) or text
-
-
-def _predicted_act(talk: Conversation, text: str) -> str:
-    """Return the likeliest act of some words by the network; '' for no words."""
-    _, prediction = _predict(talk, text, read_reply(text, talk.grounder.lexicon))
-    return prediction.best("act") if prediction is not None else ""
-
-
-def _predict(talk: Conversation, text: str, reply: Reply) -> tuple[Sequence[Token], Prediction | None]:
+def predict_turn(talk: Conversation, text: str, reply: Reply) -> tuple[Sequence[Token], Prediction | None]:
     """Return the tokens of some words, and what the network predicts; None for no words."""
     tokens = tokenise(normalise(text), talk.grounder.lexicon)
-    return tokens, default_turn_reader().read(tokens, state_of(talk), reply)
+    command = talk.state.request.query if talk.state.request is not None else None
+    return tokens, default_turn_reader().read(tokens, state_of(talk), reply, None)
 
 
 def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
@@ -186,14 +178,14 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
         text: the turn.
         reply: the turn as the patterns of replies split it.
     """
-    tokens, prediction = _predict(talk, text, reply)
+    tokens, prediction = predict_turn(talk, text, reply)
     if prediction is None:
         return None
     reading = talk.read(reply.rest or text)
     own = own_act(reply, reading)
     scores = vote_on_act(prediction.choices["act"], own, default_turn_reader().rule["act"])
     act = max(scores, key=scores.__getitem__)
-    if act == own[0] != "command" or own[0] in _DETAILED.get(act, ()):
+    if (act == own[0] and act not in ("command", "undo")) or own[0] in _DETAILED.get(act, ()):
         return None  # the patterns of replies, or the grammar, know the details
     if act == "place" and own[0] == "command" and reading.query.relation == prediction.best("relation") != NONE:
         return None  # "wait behind it then" is another action too

@@ -47,6 +47,8 @@ _NAMED_EXPONENT = 0.7
 _LEAST_CAR_FIT = 0.3
 # Least fit of a car with another body style than the one named.
 _OTHER_BODY_FIT = 0.15
+# Head words that name a second class: a "wagon" is an estate car, or a lorry.
+_SECOND_CLASSES = {"bike": "bicycle", "wagon": "truck", "wagons": "truck"}
 # Head words that are more specific than "car" and "truck".
 _SUVS = ("suv", "jeep", "4x4", "four by four", "crossover")
 _LOW_BODIES = (
@@ -76,8 +78,8 @@ def fit_noun(noun: str, head: str, table: ObjectTable) -> FloatArray:
     if noun == "vehicle":
         return np.array([{"person": 0.0, "bicycle": 0.2}.get(name, 1.0) for name in table.class_names])
     fit = np.array([_CLASS_FIT[noun].get(name, 0.0) for name in table.class_names])
-    if head == "bike":
-        fit = np.maximum(fit, [float(name == "bicycle") for name in table.class_names])
+    if second := _SECOND_CLASSES.get(head):
+        fit = np.maximum(fit, [float(name == second) for name in table.class_names])
     fit = _adjust_by_size(noun, head, fit, table)
     shape_only = np.array([name == "vehicle" for name in table.class_names], np.bool_)
     return np.where(shape_only, _fit_length(noun, table), fit)

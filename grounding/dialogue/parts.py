@@ -1,0 +1,87 @@
+"""Parts of a turn: its sentences, and its clauses, each with what it does by the reader of turns."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from grounding.answer import Answer
+from grounding.dialogue.conversation import Conversation
+from grounding.dialogue.turns import ASIDES, predict_turn
+from grounding.language.replies import read_reply
+
+_SENTENCE = re.compile(r"(?<=[.!?])\s+(?=\S)")
+_CLAUSE = re.compile(
+    r"(?<=[.!?])\s+(?=\S)|\s*[,;:]\s+|\s*\.\.+\s*|\s+-+\s+|\s+(?=(?:and|but|so|because|cause|cos|cuz)\s)", re.IGNORECASE
+)
+# Least probability of the act of a part that is answered by itself.
+_SURE = 0.6
+# Acts of parts that nothing follows from, alone or before others: "no, no. The other one".
+_CHAT, _REPLIES = ("remark", "pause"), ("yes", "no")
+# Acts that ask for something new.
+_COMMANDS = ("command", "then")
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a turn, its likeliest act, and the probability of it."""
+
+    text: str
+    act: str
+    sure: float
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether the act is plain enough to answer the part by itself."""
+        return self.sure >= _SURE
+
+    @property
+    def is_aside(self) -> bool:
+        """Whether it neither chooses nor changes anything: chat, or a question."""
+        return self.act in ASIDES
+
+    @property
+    def is_command(self) -> bool:
+        """Whether it asks for something new."""
+        return self.act in _COMMANDS
+
+    @property
+    def is_reply(self) -> bool:
+        """Whether it only says yes or no."""
+        return self.act in _REPLIES
+
+    @property
+    def is_chat(self) -> bool:
+        """Whether nothing follows from it."""
+        return self.act in _CHAT or not self.is_sure
+
+
+def sentences_of(talk: Conversation, text: str) -> list[Part]:
+    """Return the sentences of a turn."""
+    return _parts(talk, _SENTENCE.split(text))
+
+
+def clauses_of(talk: Conversation, text: str) -> list[Part]:
+    """Return the clauses of a turn."""
+    return _parts(talk, [one for one in _CLAUSE.split(text) if one])
+
+
+def _parts(talk: Conversation, texts: Sequence[str]) -> list[Part]:
+    if len(texts) < 2:
+        return []
+    found = []
+    for text in texts:
+        _, prediction = predict_turn(talk, text, read_reply(text, talk.grounder.lexicon))
+        if prediction is not None:
+            act = prediction.best("act")
+            found.append(Part(text, act, prediction.choices["act"][act]))
+    return found
+
+
+def is_misunderstood(answer: Answer) -> bool:
+    """Return whether an answer tells that words were not understood, or that nothing fits what was."""
+    reading = answer.reading
+    if answer.status == "ambiguous":
+        return bool(reading.doubt)
+    return answer.status != "ok" and not answer.plan.refused and bool(reading.problem or reading.dropped)
