@@ -23,6 +23,17 @@ if TYPE_CHECKING:
 _ALIKE = 2.5
 
 
+def _gives_up(step: Request, following: Request) -> bool:
+    """Return whether a step asks to stay behind the vehicle that the one before it passes."""
+    stays = following.query.action == "follow" or following.query.relation == "behind"
+    alike = (
+        step.chosen is not None
+        and following.chosen is not None
+        and (step.chosen.item.id == following.chosen.item.id)
+    )
+    return stays and alike and step.query.action in ("overtake", "drive_past")
+
+
 class Conversation:
     """State of a conversation, and the grounder that answers its sentences."""
 
@@ -67,14 +78,12 @@ class Conversation:
         return state.focus[0] if state.focus else None
 
     def spoken_of(self, candidates: Sequence[Candidate]) -> Candidate | None:
-        """Return the only one of several vehicles that fit alike which was spoken of before; None without one.
+        """Return the only one of several vehicles that fit alike which an earlier plan was about; None without one.
 
-        A definite description refers to what is known to both, by an earlier plan or the last question: "back to the
-        red one".
+        A definite description refers to what is known to both: "back to the red one".
         """
         alike = [one for one in candidates if one.score > candidates[0].score - _ALIKE]
         ids = {step.chosen.item.id for plan in self.state.earlier for step in plan if step.chosen is not None}
-        ids |= {one.item.id for one in self.state.offered}
         known = [one for one in alike if one.item.id in ids]
         return known[0] if len(alike) > 1 and len(known) == 1 else None
 
@@ -107,8 +116,14 @@ class Conversation:
         return answer_steps(steps, self.scene, primary=primary, limit=self.grounder.config.max_candidates)
 
     def take(self, requests: Sequence[Request], then: bool = False, answer: Answer | None = None) -> Answer:
-        """Make steps the plan in force, or ask; with `then`, after the steps in force."""
-        steps = (*self.state.plan, *requests) if then else tuple(requests)
+        """Make steps the plan in force, or ask; with `then`, after the steps in force.
+
+        Who stays behind a vehicle does not overtake it first.
+        """
+        plan = self.state.plan
+        if then and plan and _gives_up(plan[-1], requests[0]):
+            plan, answer = plan[:-1], None
+        steps = (*plan, *requests) if then else tuple(requests)
         if answer is None or then:
             answer = self.answer_steps(steps)
         self.state = replace(self.state, rejected=frozenset())

@@ -16,7 +16,7 @@ _CLAUSE = re.compile(
     r"(?<=[.!?])\s+(?=\S)|\s*[,;:]\s+|\s*\.\.+\s*|\s+-+\s+|\s+(?=(?:and|but|so|because|cause|cos|cuz)\s)", re.IGNORECASE
 )
 # Least probability of the act of a part that is answered by itself.
-_SURE = 0.6
+_SURE = 0.7
 # Acts of parts that nothing follows from, alone or before others: "no, no. The other one".
 _CHAT, _REPLIES = ("remark", "pause"), ("yes", "no")
 # Acts that ask for something new.

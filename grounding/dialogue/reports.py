@@ -63,8 +63,15 @@ def keep(talk: Conversation, text: str) -> Answer:
     """Acknowledge a sentence that changes nothing."""
     if talk.state.question is not None and talk.state.question.question:
         return ask_again(talk, text)
-    answer = not_understood(talk, text, talk.read(text))
-    return answer if talk.state.goal is None else replace(answer, reasons=("the goal stays as it is",))
+    if talk.state.goal is None:
+        return not_understood(talk, text, talk.read(text))
+    return replace(aside(talk, text, "the goal stays as it is"), status="not_a_command")
+
+
+def pause(talk: Conversation, text: str) -> Answer:
+    """Acknowledge that the passenger needs a moment."""
+    kept = talk.state.question is None and talk.state.goal is not None
+    return inform(talk, text, "the goal stays as it is") if kept else keep(talk, text)
 
 
 def cancel(talk: Conversation, text: str) -> Answer:
@@ -118,7 +125,8 @@ def count(talk: Conversation, text: str, words: str, guess: Reading | None = Non
 
 def tell_seen(talk: Conversation, text: str) -> Answer:
     """Tell which vehicles are in sight, nearest first; of a question with several options, these are meant."""
-    if talk.state.question is not None and len(talk.state.question.candidates) > 1:
+    question = talk.state.question
+    if question is not None and question.question and len(question.candidates) > 1:
         return ask_again(talk, text)
     named = [word for word in re.findall("[a-z]+", text.lower()) if word in _SEEN]
     return count(talk, text, named[0] if named else "vehicles")

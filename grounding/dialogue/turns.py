@@ -44,8 +44,8 @@ _SURE_COMMAND = 0.8
 _SURE_RELATION = 0.9
 # What counts more than an act, if the grammar finds it: "all right, wait behind it", "no, four".
 _DETAILED = {"yes": ("command", "number"), "no": ("number",), "remark": ("command", "number"), "pause": ("command",)}
-# Acts in which a number without a unit is a distance.
-_MEASURED = ("more", "less", "shift")
+# Acts in which a number without a unit is a distance, and the most words of such a turn.
+_MEASURED, _FEW_WORDS = ("more", "less", "shift"), 6
 # Least probability of all acts that do something.
 _LEAST_DOING = 0.25
 # Kinds of the patterns of replies that have another name as acts.
@@ -190,7 +190,8 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     if act == "place" and own[0] == "command" and reading.query.relation == prediction.best("relation") != NONE:
         return None  # "wait behind it then" is another action too
     number, distance_m = reply.number or _number(tokens), named_distance(text, talk.grounder.lexicon)
-    if distance_m is None and act in _MEASURED and any(one.category is WordCategory.NUMBER for one in tokens):
+    counted = any(one.category is WordCategory.NUMBER for one in tokens) and len(tokens) <= _FEW_WORDS
+    if distance_m is None and act in _MEASURED and counted:
         distance_m = number and float(number)  # "three more": metres
     needed = _least_probability(talk, reply, reading, act, own)
     return Turn(act, scores[act], prediction, number, distance_m, needed)
