@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from appocc.errors import AppoccError
@@ -23,15 +24,17 @@ if TYPE_CHECKING:
 _ALIKE = 2.5
 
 
+def _without_given_up(steps: Sequence[Request]) -> tuple[Request, ...]:
+    """Return steps without those that the next one gives up: who stays behind a vehicle neither passes nor parks."""
+    given_up = [_gives_up(one, following) for one, following in pairwise(steps)]
+    return tuple(one for one, is_given_up in zip(steps, [*given_up, False], strict=True) if not is_given_up)
+
+
 def _gives_up(step: Request, following: Request) -> bool:
-    """Return whether a step asks to stay behind the vehicle that the one before it passes."""
+    here, there = step.chosen, following.chosen
     stays = following.query.action == "follow" or following.query.relation == "behind"
-    alike = (
-        step.chosen is not None
-        and following.chosen is not None
-        and (step.chosen.item.id == following.chosen.item.id)
-    )
-    return stays and alike and step.query.action in ("overtake", "drive_past")
+    anywhere = step.query.action in ("overtake", "drive_past") or step.query.relation == "none"
+    return stays and anywhere and here is not None and there is not None and here.item.id == there.item.id
 
 
 class Conversation:
@@ -120,11 +123,9 @@ class Conversation:
 
         Who stays behind a vehicle does not overtake it first.
         """
-        plan = self.state.plan
-        if then and plan and _gives_up(plan[-1], requests[0]):
-            plan, answer = plan[:-1], None
-        steps = (*plan, *requests) if then else tuple(requests)
-        if answer is None or then:
+        steps = _without_given_up((*self.state.plan, *requests) if then else tuple(requests))
+        answer = answer if steps == tuple(requests) else None
+        if answer is None:
             answer = self.answer_steps(steps)
         self.state = replace(self.state, rejected=frozenset())
         if self.state.plan and len(steps) == 1 and answer.pace in ("slower", "faster"):

@@ -133,6 +133,8 @@ def complete(
     for part, phrase, said in product([text] if whole else _shortened(text), _PLACES, dict.fromkeys((verb, "stop"))):
         reading = read(phrase.format(part), antecedent, said)[0]
         query = reading.query
+        if phrase != "{}" and query.excluded:
+            continue  # "instead" of nothing
         sides = query.goal_side or query.road_side or query.direction
         gap = query.distance_m is not None and query.distance_of != "descriptor"
         if (query.relation != "none" or sides or gap) and is_understood(reading):

@@ -19,13 +19,15 @@ _CLAUSE = re.compile(
 _SURE = 0.7
 # Acts of parts that nothing follows from, alone or before others: "no, no. The other one".
 _CHAT, _REPLIES = ("remark", "pause"), ("yes", "no")
+# Acts that are told apart by the grammar too: which of them it is needs not be certain.
+_KINDS = (ASIDES, ("describe", "place", "shift", "command", "then", "number"))
 # Acts that ask for something new.
 _COMMANDS = ("command", "then")
 
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a turn, its likeliest act, and the probability of it."""
+    """A part of a turn, its likeliest act, and the probability that it does something of that kind, or nothing."""
 
     text: str
     act: str
@@ -74,8 +76,9 @@ def _parts(talk: Conversation, texts: Sequence[str]) -> list[Part]:
     for text in texts:
         _, prediction = predict_turn(talk, text, read_reply(text, talk.grounder.lexicon))
         if prediction is not None:
-            act = prediction.best("act")
-            found.append(Part(text, act, prediction.choices["act"][act]))
+            act, shares = prediction.best("act"), prediction.choices["act"]
+            kind = next((kind for kind in _KINDS if act in kind), (act,))
+            found.append(Part(text, act, sum(shares[one] for one in kind)))
     return found
 
 

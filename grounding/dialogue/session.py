@@ -286,6 +286,8 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
         return None
     if act == "no" and "cancel" in reply.kinds:
         return cancel(talk, text)
+    if act == "neither" and turn.names_vehicle:
+        return answer_fragment(talk, text, reply, replace(turn, act="describe"))  # "neither, she has the van today"
     if act == "number":
         return _answer_number(talk, text, reply, turn.number)
     if act == "shift":

@@ -93,6 +93,12 @@ class Turn:
         shares = self.prediction.choices["act"]
         return not self.is_sure and sum(shares[one] for one in _DOING) < _LEAST_DOING
 
+    @property
+    def names_vehicle(self) -> bool:
+        """Whether it certainly names the class or the colour of a vehicle."""
+        choices = self.prediction.choices
+        return min(choices["noun"][NONE], choices["colour"].get(NONE, 0.0)) < 1 - _CERTAIN
+
     def best(self, field: str) -> str:
         """Return the likeliest value of a field."""
         return self.prediction.best(field)
@@ -167,7 +173,8 @@ def predict_turn(talk: Conversation, text: str, reply: Reply) -> tuple[Sequence[
     """Return the tokens of some words, and what the network predicts; None for no words."""
     tokens = tokenise(normalise(text), talk.grounder.lexicon)
     command = talk.state.request.query if talk.state.request is not None else None
-    return tokens, default_turn_reader().read(tokens, state_of(talk), reply, None)
+    command = talk.state.request.query if talk.state.request is not None else None
+    return tokens, default_turn_reader().read(tokens, state_of(talk), reply, command)
 
 
 def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:

@@ -197,7 +197,7 @@ def test_at_the_kerb_there_is_no_more_room_and_the_goal_stays() -> None:
         answer = session.say("a bit more to the right")
     assert answer.status == "ok", answer.text()
     assert answer.target is not None
-    assert any("no more room to the right" in reason for reason in answer.reasons)
+    assert any("no room 2 m to the right" in reason for reason in answer.reasons)
 
 
 def test_we_wait_for_people_who_are_not_known() -> None:
