@@ -49,6 +49,9 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
         return None
     base = request.query
     antecedent = talk.antecedent or (None if base.referent else Referent("vehicle", "one"))
+    if turn is not None and turn.act in ("place", "describe") and turn.is_plain:
+        place = turn.placed(text, antecedent)
+        return _replace(talk, text, Reading(place, steps=(place,)), request) if place is not None else None
     only_places = turn is not None and turn.act == "place" and turn.described(None) is None
     if not only_places and (both := describe_and_place(reply.rest, base, antecedent, talk.readings)):
         return _replace(talk, text, both, request)
@@ -58,11 +61,8 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
     reading = None if describes else complete(reply.rest, base, antecedent, talk.readings)
     if reading is not None and talk.antecedent is None and names_pronoun(reading):
         reading = complete(reply.rest, base, None, talk.readings)  # "it" refers to nothing yet
-    if turn is not None and turn.act == "place" and turn.replaces(reading) and (place := turn.placed(text)):
-        described = read_description(reply.rest, antecedent, talk.readings) if place.referent is None else None
-        if described is not None and names_vehicle(described):
-            place = replace(place, referent=described.query.referent)
-        reading = Reading(place, steps=(place,))
+    place = _place_of(talk, text, reply, turn, reading)
+    reading = place or reading
     placed = reading is not None and (
         reading.query.relation != "none" or bool(base.direction and reading.query.direction)
     )
@@ -79,6 +79,21 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
     if reading is not None:
         return _modify(talk, said(reading, text), request)
     return None
+
+
+def _place_of(
+    talk: Conversation, text: str, reply: Reply, turn: Turn | None, reading: Reading | None
+) -> Reading | None:
+    """Return the place, and its vehicle, that the reader of turns finds; None where that of the grammar counts more."""
+    if turn is None or not (turn.act == "place" or (turn.act == "describe" and turn.best("relation") != "none")):
+        return None
+    place = turn.placed(text, talk.antecedent) if turn.replaces(reading) else None
+    if place is None:
+        return None
+    described = read_description(reply.rest, talk.antecedent, talk.readings) if place.referent is None else None
+    if described is not None and names_vehicle(described):
+        place = replace(place, referent=described.query.referent)
+    return Reading(place, steps=(place,))
 
 
 def _places_one(talk: Conversation, words: str, reading: Reading) -> bool:

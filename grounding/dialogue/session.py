@@ -256,18 +256,33 @@ def _say_each(talk: Conversation, parts: Sequence[Part]) -> Answer | None:
 
 
 def _say_one(talk: Conversation, text: str) -> Answer:
-    """Answer one sentence."""
+    """Answer one sentence: by its reader where that is sure, else by the grammar, else by what its reader deems likely."""
+    before = talk.state
     reply = read_reply(text, talk.grounder.lexicon)
     guess = read_turn(talk, text, reply)
     turn = guess if guess is not None and guess.is_sure else None
     answer = _answer_turn(talk, text, reply, turn) if turn else None
     plain = reply.rest and {*reply.kinds} <= {"meant"} and not talk.is_opening
     if answer is None and guess is not None and guess.is_chat and plain:
-        answer = (_answer_turn(talk, text, reply, guess) if guess.is_likely else None) or keep(talk, text)
+        answer = _answer_likely(talk, text, reply, guess) or keep(talk, text)
     answer = answer or _answer(talk, text, reply, turn)
-    if answer.status == "not_a_command" and guess is not None and guess.is_likely:
-        answer = _answer_turn(talk, text, reply, guess) or answer  # better than not understood
+    if guess is not None and not talk.is_opening and is_misunderstood(answer):
+        after, talk.state = talk.state, before
+        if likely := _answer_likely(talk, text, reply, guess):
+            return likely
+        talk.state = after
     return answer
+
+
+def _answer_likely(talk: Conversation, text: str, reply: Reply, guess: Turn) -> Answer | None:
+    """Answer a turn by the likeliest act that comes to something; None if none does."""
+    before = talk.state
+    for act in guess.likely_acts:
+        answer = _answer_turn(talk, text, reply, replace(guess, act=act))
+        if answer is not None and answer.status == "ok":
+            return answer
+        talk.state = before
+    return None
 
 
 def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Answer | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, get_args
 
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.fragments import has_verb, is_understood
+from grounding.dialogue.fragments import has_verb, is_understood, names_pronoun
 from grounding.language import Reading, WordCategory
 from grounding.language.reader.fields import ACTS, FIELDS, NONE
 from grounding.language.reader.network import Numbers, Prediction
@@ -24,12 +24,10 @@ _SURE, _LEAST_QUALIFIER = 0.55, 0.5
 _LEAST = 1e-4
 # Least probability of a colour that is tried where no vehicle has the likeliest.
 _LEAST_COLOUR = 0.02
-# The same of one that changes nothing by itself, where the grammar finds nothing.
-_LIKELY = 0.5
+# The same where the grammar finds nothing, but for acts that need no other word.
+_LIKELY, _BARE = 0.3, ("cancel", "drop", "yes", "no")
 # Acts that choose and change nothing: chat, and questions. A sentence that is one is left out beside others.
 ASIDES = ("remark", "pause", "why", "about", "seek", "seen", "count", "room", "heading", "repeat")
-# Acts that choose or change nothing but by the words of the turn.
-_HARMLESS = ("describe", "place", *(one for one in ASIDES if one != "pause"))
 # Acts that a command or a description in the words may stand for.
 _DOING = tuple(one for one in ACTS if one not in (*ASIDES, "yes", "no", "any", "neither", "cancel"))
 # Least probability that all is to be dropped, and of an act that nothing else in the turn supports.
@@ -83,9 +81,11 @@ class Turn:
         return self.sure >= _CERTAIN
 
     @property
-    def is_likely(self) -> bool:
-        """Whether the act is believed where the grammar finds nothing."""
-        return self.sure >= _LIKELY and self.act in _HARMLESS
+    def likely_acts(self) -> list[str]:
+        """Acts that are believed where the grammar finds nothing, likeliest first."""
+        shares = self.prediction.choices["act"]
+        likely = [one for one in shares if shares[one] >= _LIKELY and one not in _BARE]
+        return sorted(likely, key=lambda one: -shares[one])
 
     @property
     def is_chat(self) -> bool:
@@ -146,17 +146,24 @@ class Turn:
         alike = all(field_value(own, field) == field_value(reading.query, field) for field in FIELDS)
         return replace(reading, doubt="") if reading.revised and alike and qualifiers[0] == qualifiers[1] else reading
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether it certainly names both a vehicle and a place: "she's by the green car, go behind that"."""
+        best = self.best("relation")
+        return self.names_vehicle and best != NONE and self.prediction.choices["relation"][best] > _SURE_RELATION
+
     def replaces(self, reading: Reading | None) -> bool:
         """Return whether its place counts more than that of the grammar: "not behind, in front"."""
         own = reading.query.relation if reading is not None else NONE
         best = self.best("relation")
         return (
             reading is None
+            or (self.names_vehicle and names_pronoun(reading))
             or own == NONE != best
             or (own != best and self.prediction.choices["relation"][best] > _SURE_RELATION)
         )
 
-    def placed(self, text: str) -> Query | None:
+    def placed(self, text: str, antecedent: Referent | None) -> Query | None:
         """Return the partial query of the place and the vehicle that it names; None if it names no place."""
         relation, side = self.best("relation"), self.best("goal_side")
         if relation == side == NONE and self.distance_m is None:
@@ -166,7 +173,8 @@ class Turn:
             slots |= {"relation": relation, "landmark": "referent"}
         if self.distance_m is not None:
             slots |= {"distance_m": self.distance_m, "distance_of": "referent"}
-        return Query(text, referent=self.described(None) if self.best("noun") != NONE else None, **slots)
+        named = self.best("noun") != NONE or self.best("colour") != NONE
+        return Query(text, referent=self.described(antecedent) if named else None, **slots)
 
 
 def predict_turn(talk: Conversation, text: str, reply: Reply) -> tuple[Sequence[Token], Prediction | None]:
