@@ -118,7 +118,7 @@ def _answer_description(
     request = talk.state.request
     reading = read_description(reply.rest, talk.antecedent, talk.readings, whole=True)
     told = _likeliest(talk, turn) if turn is not None and turn.act == "describe" else None
-    if told is not None and (reading is None or not (reading.query.secondary or evidence_of(reading).contrary)):
+    if told is not None and (reading is None or _is_simple(reading) or _is_neighbour(talk, reading, told)):
         reading = told  # only the grammar knows neighbours, and what is not meant
     reading = reading or read_description(reply.rest, talk.antecedent, talk.readings)
     if question is not None and (others := all_but(talk, reply.rest, question)) and request is not None:
@@ -144,6 +144,18 @@ def _answer_description(
     if question is not None or (turn is not None and talk.state.question is not None):
         return None  # a question stays open if what is not plain fits nothing
     return talk.take(talk.state.with_request(described))
+
+
+def _is_simple(reading: Reading) -> bool:
+    """Return whether a description has no neighbour, and nothing that is not meant."""
+    return not (reading.query.secondary or evidence_of(reading).contrary)
+
+
+def _is_neighbour(talk: Conversation, reading: Reading, told: Reading) -> bool:
+    """Return whether the grammar takes the neighbour of a person for the one meant: "the lad past the black car"."""
+    meant, own, spoken_of = told.query.referent, reading.query.referent, talk.antecedent
+    persons = spoken_of is not None and spoken_of.noun == "person" and meant is not None and meant.noun == "person"
+    return persons and own is not None and own.noun != "person"
 
 
 def _likeliest(talk: Conversation, turn: Turn) -> Reading | None:
@@ -172,6 +184,9 @@ def all_but(talk: Conversation, words: str, question: Answer) -> list[Candidate]
 def _modify(talk: Conversation, reading: Reading, request: Request) -> Answer:
     """Plan the last command with another relation, side or distance."""
     changed = merge_request(request, reading.query)
+    if names_pronoun(reading):  # "behind it, not in front": the other place is that of the same vehicle
+        kept = tuple(one for one in changed.query.excluded if one.relation is None)
+        changed = replace(changed, reading=replace(changed.reading, query=replace(changed.query, excluded=kept)))
     if names_pronoun(reading) and talk.meant is not None:
         changed = replace(changed, chosen=talk.meant)
     changed = replace(changed, reading=replace(reading, query=changed.query, steps=(changed.query,)))

@@ -117,7 +117,7 @@ def take_next(talk: Conversation, text: str, sign: float) -> Answer:
     if request is None or request.query.referent is None or last is None:
         return take_other(talk, text)
     sought = Referent(request.query.referent.noun, request.query.referent.head, definite=False)
-    query = replace(request.query, command=text, referent=sought, secondary=())
+    query = replace(request.query, command=text, referent=sought, secondary=(), excluded=())
     request = Request(reading=replace(request.reading, query=query, steps=(query,)))
     found = resolve(query, without(talk.scene, frozenset({last.item.id})))
     places = np.array([one.item.centre_m for one in found.candidates] or np.empty((0, 2)))

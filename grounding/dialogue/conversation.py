@@ -148,8 +148,10 @@ class Conversation:
                 for step, done in zip(steps, answer.steps or (answer,), strict=False)
             )
             state = replace(state.with_earlier(), plan=steps, goal=answer, question=None, asked=steps)
-            if answer.referent is not None and answer.query.referent is not None:
-                state = replace(state, focus=(answer.referent, answer.query.referent), topic=None)
+            named = ((one.referent, one.query.referent) for one in (answer, *reversed(answer.steps)))
+            focus = next(((item, referent) for item, referent in named if item and referent), None)
+            if focus is not None:
+                state = replace(state, focus=focus, topic=None)
         elif answer.candidates or answer.alternatives or answer.plan.question:
             state = replace(state, question=answer, offered=answer.candidates)
         else:

@@ -63,7 +63,7 @@ from grounding.language.problems import check_type
 from grounding.language.reader.fields import NONE
 from grounding.language.replies import Reply, read_reply
 from grounding.referent.resolver import Candidate
-from grounding.vocabulary import POSITIONS
+from grounding.vocabulary import POSITIONS, REFUSED
 from tracking.tracks import Track
 
 if TYPE_CHECKING:
@@ -225,7 +225,7 @@ def _say(talk: Conversation, text: str) -> Answer:
     if is_misunderstood(answer):
         after, talk.state = talk.state, before
         again = _say_each(talk, clauses_of(talk, text))
-        if again is not None and again.status == "ok":
+        if again is not None and not is_misunderstood(again):
             return again
         talk.state = after
     return answer
@@ -279,7 +279,7 @@ def _answer_likely(talk: Conversation, text: str, reply: Reply, guess: Turn) -> 
     before = talk.state
     for act in guess.likely_acts:
         answer = _answer_turn(talk, text, reply, replace(guess, act=act))
-        if answer is not None and answer.status == "ok":
+        if answer is not None and (answer.status == "ok" or act == "remark"):
             return answer
         talk.state = before
     return None
@@ -297,7 +297,7 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
         if act in ("describe", "place") and not reply.kinds and talk.readings(text)[0].problem:
             return ask_to_stop(talk, text, reply.rest)
         return _ACTS[act](talk, text) if act in _WITHOUT_COMMAND else None
-    if _says_more(talk, reply, act):
+    if _says_more(talk, reply, act) or talk.read(reply.rest or text).query.manoeuvre in REFUSED:
         return None
     if act == "no" and "cancel" in reply.kinds:
         return cancel(talk, text)
@@ -370,7 +370,8 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
     """Answer a sentence that is split into replies and the rest; `turn`: what its reader takes it for."""
     state = talk.state
     turn = turn if turn is not None and turn.act in ("command", "then") else None
-    then = "then" in reply.kinds or (turn is not None and turn.act == "then")
+    # "Forget that then, go behind the van" begins anew.
+    then = ("then" in reply.kinds and "cancel" not in reply.kinds) or (turn is not None and turn.act == "then")
     if turn is not None and turn.act == "then" and turn.is_certain and reply.rest:
         return answer_command(talk, text, reply.rest, then=True, turn=turn)
     if answer := _answer_reply(talk, text, reply):

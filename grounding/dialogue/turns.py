@@ -200,7 +200,8 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     own = own_act(reply, reading)
     scores = vote_on_act(prediction.choices["act"], own, default_turn_reader().rule["act"])
     act = max(scores, key=scores.__getitem__)
-    if (act == own[0] and act not in ("command", "undo")) or own[0] in _DETAILED.get(act, ()):
+    detailed = own[0] in _DETAILED.get(act, ()) and (own[0] != "command" or _names_something(reading))
+    if (act == own[0] and act not in ("command", "undo")) or detailed:
         return None  # the patterns of replies, or the grammar, know the details
     if act == "place" and own[0] == "command" and reading.query.relation == prediction.best("relation") != NONE:
         return None  # "wait behind it then" is another action too
@@ -226,10 +227,16 @@ def _least_probability(talk: Conversation, reply: Reply, reading: Reading, act: 
 
 def _is_command(reading: Reading) -> bool:
     """Return whether the grammar understands a command that asks for, or forbids, something: "move up" does not."""
-    query = reading.query
-    names = query.referent or query.secondary or query.direction or query.manoeuvre or query.relation != "none"
     forbids = any(token.category is WordCategory.NOT for token in reading.tokens)
-    return has_verb(reading) and is_understood(reading) and bool(names or forbids or query.action != "other")
+    asks = _names_something(reading) or forbids or reading.query.action != "other"
+    return has_verb(reading) and is_understood(reading) and asks
+
+
+def _names_something(reading: Reading) -> bool:
+    """Return whether a command says about what, or where."""
+    query = reading.query
+    named = query.referent or query.secondary or query.direction or query.manoeuvre or query.relation != "none"
+    return bool(named)
 
 
 def state_of(talk: Conversation) -> State:

@@ -45,6 +45,7 @@ _MIN_SIDE_M = 0.2
 # What no driver should do, by manoeuvre, and things beside the road.
 _REFUSALS = {
     "pavement": "the pavement is for people on foot: no place on it will do",
+    "oncoming_lane": "the oncoming lane is for those who come towards us: no place in it will do",
     "red_light": "a red light means stop: it is not to be passed",
     "push": "another vehicle is not to be touched: we wait behind it or drive around it",
 }
