@@ -50,8 +50,8 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
     base = request.query
     antecedent = talk.antecedent or (None if base.referent else Referent("vehicle", "one"))
     if turn is not None and turn.act in ("place", "describe") and turn.is_plain:
-        place = turn.placed(text, antecedent)
-        return _replace(talk, text, Reading(place, steps=(place,)), request) if place is not None else None
+        named = _place_of(talk, text, reply, turn, None)
+        return _replace(talk, text, named, request) if named is not None else None
     only_places = turn is not None and turn.act == "place" and turn.described(None) is None
     if not only_places and (both := describe_and_place(reply.rest, base, antecedent, talk.readings)):
         return _replace(talk, text, both, request)
@@ -62,6 +62,8 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
     if reading is not None and talk.antecedent is None and names_pronoun(reading):
         reading = complete(reply.rest, base, None, talk.readings)  # "it" refers to nothing yet
     place = _place_of(talk, text, reply, turn, reading)
+    if place is not None and place.query.referent is not None and turn is not None and turn.names_vehicle:
+        return _replace(talk, text, place, request)
     reading = place or reading
     placed = reading is not None and (
         reading.query.relation != "none" or bool(base.direction and reading.query.direction)

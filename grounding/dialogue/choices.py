@@ -10,7 +10,7 @@ from grounding.answer import Answer
 from grounding.answering import Request, accept_proposal, without
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import find_fitting, reading_of, without_qualifiers
-from grounding.dialogue.reports import ask_again, inform, keep, not_understood
+from grounding.dialogue.reports import ask_again, cancel, inform, keep, not_understood
 from grounding.dialogue.telling import said
 from grounding.query import Referent
 from grounding.referent.resolver import resolve
@@ -132,8 +132,10 @@ def take_next(talk: Conversation, text: str, sign: float) -> Answer:
 
 
 def take_none(talk: Conversation, text: str) -> Answer:
-    """Look for a vehicle that was not offered: "neither"."""
+    """Look for a vehicle that was not offered, or drop the one that was chosen of several: "neither"."""
     state = talk.state
+    if state.question is None and len(state.offered) > 1:
+        return cancel(talk, text)
     if state.question is None or len(state.question.candidates) < 2:
         return take_other(talk, text)
     reason = f"none of these {len(state.question.candidates)} then: which vehicle is meant?"

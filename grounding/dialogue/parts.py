@@ -66,7 +66,13 @@ def sentences_of(talk: Conversation, text: str) -> list[Part]:
 
 def clauses_of(talk: Conversation, text: str) -> list[Part]:
     """Return the clauses of a turn."""
-    return _parts(talk, [one for one in _CLAUSE.split(text) if one])
+    clauses: list[str] = []
+    for one in filter(None, _CLAUSE.split(text)):
+        if clauses and re.search(r"\bbetween\b", clauses[-1]) and one.startswith("and "):
+            clauses[-1] += f" {one}"  # "between the van and the bus"
+        else:
+            clauses.append(one)
+    return _parts(talk, clauses)
 
 
 def _parts(talk: Conversation, texts: Sequence[str]) -> list[Part]:

@@ -57,7 +57,7 @@ from grounding.dialogue.reports import (
     tell_vehicle,
 )
 from grounding.dialogue.parts import Part, clauses_of, is_misunderstood, sentences_of
-from grounding.dialogue.turns import Turn, read_turn
+from grounding.dialogue.turns import Turn, read_turn, state_of
 from grounding.goal.shift import Shift
 from grounding.language.problems import check_type
 from grounding.language.reader.fields import NONE
@@ -232,27 +232,27 @@ def _say(talk: Conversation, text: str) -> Answer:
 
 
 def _say_each(talk: Conversation, parts: Sequence[Part]) -> Answer | None:
-    """Answer the parts of a turn one after the other; None if all of them are asides.
+    """Answer the parts of a turn one after the other; None if all of them are chat.
 
     Returns:
-        The answer to the last part that chooses or changes something. One that comes to nothing, and asks for nothing
+        The answer to the last part that chooses or changes something, else to the last question. One that comes to nothing, and asks for nothing
         new, is a reason: "The second one. It's right outside my house".
     """
     several = any(not (one.is_aside or one.is_reply) for one in parts)
-    answer = None
+    answer = aside = None
     for one in parts:
         before = talk.state
         if one.is_chat or (one.is_reply and several):
             notice(talk, one.text)
         elif one.is_aside:
-            _say_one(talk, one.text)
+            aside = _say_one(talk, one.text)
         else:
             told = _say_one(talk, one.text)
             if answer is None or one.is_command or told.status == "ok":
                 answer = told
             else:
                 talk.state = before
-    return answer
+    return answer or aside
 
 
 def _say_one(talk: Conversation, text: str) -> Answer:
@@ -262,6 +262,8 @@ def _say_one(talk: Conversation, text: str) -> Answer:
     guess = read_turn(talk, text, reply)
     turn = guess if guess is not None and guess.is_sure else None
     answer = _answer_turn(talk, text, reply, turn) if turn else None
+    if turn is None and guess is not None and guess.is_change and not talk.is_opening:
+        answer = _answer_likely(talk, text, reply, guess)
     plain = reply.rest and {*reply.kinds} <= {"meant"} and not talk.is_opening
     if answer is None and guess is not None and guess.is_chat and plain:
         answer = _answer_likely(talk, text, reply, guess) or keep(talk, text)
@@ -271,6 +273,8 @@ def _say_one(talk: Conversation, text: str) -> Answer:
         if likely := _answer_likely(talk, text, reply, guess):
             return likely
         talk.state = after
+        if state_of(talk) == "goal" and not guess.is_likely_command:
+            return keep(talk, text)
     return answer
 
 
@@ -297,11 +301,11 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
         if act in ("describe", "place") and not reply.kinds and talk.readings(text)[0].problem:
             return ask_to_stop(talk, text, reply.rest)
         return _ACTS[act](talk, text) if act in _WITHOUT_COMMAND else None
-    if _says_more(talk, reply, act) or talk.read(reply.rest or text).query.manoeuvre in REFUSED:
+    if _says_more(talk, reply, turn) or talk.read(reply.rest or text).query.manoeuvre in REFUSED:
         return None
     if act == "no" and "cancel" in reply.kinds:
         return cancel(talk, text)
-    if act == "neither" and turn.names_vehicle:
+    if act in ("neither", "previous", "following") and turn.names_vehicle:
         return answer_fragment(talk, text, reply, replace(turn, act="describe"))  # "neither, she has the van today"
     if act == "number":
         return _answer_number(talk, text, reply, turn.number)
@@ -322,10 +326,11 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     return _ACTS[act](talk, text) if act in _ACTS else None
 
 
-def _says_more(talk: Conversation, reply: Reply, act: str) -> bool:
+def _says_more(talk: Conversation, reply: Reply, turn: Turn) -> bool:
     """Return whether a turn says more than its act, which the grammar reads."""
+    act = turn.act
     if act in ("pause", "remark", "cancel"):
-        return "meant" in reply.kinds and bool(reply.rest)  # "oh wait, I meant right"
+        return "meant" in reply.kinds and bool(reply.rest) and not turn.is_certain  # "oh wait, I meant right"
     if act == "other" or (act in ("shift", "more", "less") and reply.leading_shift):
         return _names_place_only(talk, reply.rest)  # "the other van. In front of it", "a bit before it"
     question = talk.state.question

@@ -28,6 +28,8 @@ _LEAST_COLOUR = 0.02
 _LIKELY, _BARE = 0.3, ("cancel", "drop", "yes", "no")
 # Acts that choose and change nothing: chat, and questions. A sentence that is one is left out beside others.
 ASIDES = ("remark", "pause", "why", "about", "seek", "seen", "count", "room", "heading", "repeat")
+# Acts that choose another vehicle or change its place.
+_CHANGES = ("number", "middle", "following", "previous", "describe", "place", "shift", "more", "less")
 # Acts that a command or a description in the words may stand for.
 _DOING = tuple(one for one in ACTS if one not in (*ASIDES, "yes", "no", "any", "neither", "cancel"))
 # Least probability that all is to be dropped, and of an act that nothing else in the turn supports.
@@ -86,6 +88,18 @@ class Turn:
         shares = self.prediction.choices["act"]
         likely = [one for one in shares if shares[one] >= _LIKELY and one not in _BARE]
         return sorted(likely, key=lambda one: -shares[one])
+
+    @property
+    def is_change(self) -> bool:
+        """Whether it chooses or changes something for certain, by one act or another."""
+        shares = self.prediction.choices["act"]
+        return sum(shares[one] for one in _CHANGES) >= _CERTAIN
+
+    @property
+    def is_likely_command(self) -> bool:
+        """Whether it may ask for something new."""
+        shares = self.prediction.choices["act"]
+        return shares["command"] + shares["then"] >= _LIKELY
 
     @property
     def is_chat(self) -> bool:
