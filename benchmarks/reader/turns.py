@@ -80,7 +80,8 @@ def _read_labels(path: Path) -> list[dict[str, Any]]:
 
 def _label(record: dict[str, Any]) -> dict[str, Any]:
     fields = (*TURN_CHOICES, "referent", "distance_m")
-    label = dict.fromkeys(fields) | {name: [] for name in _LISTS} | record | {"command": record["say"]}
+    label = dict.fromkeys(fields) | {name: [] for name in _LISTS} | {"fields_known": True}
+    label |= record | {"command": record["say"]}
     if label["act"] not in ACTS or label["state"] not in STATES:
         raise ValueError(f"expected a known act and state, got '{label['act']}', '{label['state']}'")
     referent = label["referent"]
@@ -99,7 +100,7 @@ def read_whole_commands() -> list[Sentence]:
         state = STATES[crc32(one.label["command"].encode()) % len(STATES)]
         ok = one.label["status"] == "ok"
         acts = {"act": "command", "act_alt": []} if ok else {"act": "remark", "act_alt": list(_OTHER_ACTS)}
-        label = one.label | acts | {"state": state, "shift": None}
+        label = one.label | acts | {"state": state, "shift": None, "fields_known": True}
         found.append(Sentence(label, f"whole {one.speaker}", one.weight * (_WHOLE if ok else _REJECTED)))
     return found
 
@@ -121,6 +122,7 @@ def read_patterns(seed: int) -> list[Sentence]:
             label = dict.fromkeys((*TURN_CHOICES, "referent")) | {name: [] for name in _LISTS}
             label |= {"act": act, "shift": kind if act == "shift" else None, "state": drawn.choice(STATES)}
             label |= {"command": " ".join(word for phrase in words for word in phrase), "shown": drawn.random() < 0.3}
+            label |= {"fields_known": True}
             found.append(Sentence(label, "patterns", _PATTERN))
     return found
 
@@ -144,15 +146,16 @@ def turn_example(label: dict[str, Any]) -> Example | None:
     acts = {label["act"], *label["act_alt"]}
     if "shift" in acts and label["shift"]:
         right["shift"] = [TURN_CHOICES["shift"].index(label["shift"])]
+    whole = label["fields_known"]
     trained = {
         **dict.fromkeys(("relation", "goal_side"), label["act"] in _OF_PLACES or bool(label["relation"])),
         **dict.fromkeys(("action", "direction"), label["act"] in _OF_ACTIONS and bool(label["action"])),
     }
-    for field in (one for one, is_trained in trained.items() if is_trained):
+    for field in (one for one, is_trained in trained.items() if is_trained and whole):
         named = [one or NONE for one in (label[field], *label.get(f"{field}_alt", ()))]
         right[field] = [TURN_CHOICES[field].index(one) for one in named if one in TURN_CHOICES[field]]
     referent = label["referent"]
-    names = label["act"] in _OF_VEHICLES or referent is not None
+    names = (label["act"] in _OF_VEHICLES and whole) or referent is not None
     if names:
         right["noun"] = [NOUNS.index(one) for one in _nouns(referent, facts)]
         right["colour"] = colour_words((referent or {}).get("colour"), facts)

@@ -141,8 +141,10 @@ def _answer_description(
         return talk.choose(found.candidates[0], described)
     if found.status == "ambiguous":
         offered = {one.item.id for one in talk.state.offered}
-        known = [one for one in found.candidates if one.item.id in offered]
-        return talk.narrow(known or found.candidates, described)  # of a red car and a red van, "the car" is the red one
+        before = [one for one in found.candidates if one.item.id in offered]
+        return talk.narrow(
+            before or found.candidates, described
+        )  # of a red car and a red van, "the car" is the red one
     if question is not None or (turn is not None and talk.state.question is not None):
         return None  # a question stays open if what is not plain fits nothing
     return talk.take(talk.state.with_request(described))

@@ -97,9 +97,10 @@ def choose_offered(talk: Conversation, text: str, index: int) -> Answer:
 
 
 def choose_middle(talk: Conversation, text: str) -> Answer:
-    """Take the middle one of an odd number of candidates, along our way; of all that fit, if an even number was offered."""
+    """Take the middle one of the candidates along our way; of all that fit, if an even number was offered."""
     request, question = talk.state.request, talk.state.question
-    offered = question.candidates if question is not None else talk.state.offered
+    goal = talk.state.goal
+    offered = question.candidates if question is not None else goal.candidates if goal is not None else ()
     if request is None or not offered:
         return ask_again(talk, text)
     if len(offered) % 2 == 0 and request.query.referent is not None:

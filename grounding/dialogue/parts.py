@@ -1,4 +1,4 @@
-"""Parts of a turn: its sentences, and its clauses, each with what it does by the reader of turns."""
+"""A turn of several sentences or clauses: each is answered in turn, where it is plain what it does."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ from dataclasses import dataclass
 
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
+from grounding.dialogue.reports import notice
+from grounding.dialogue.sentences import answer_sentence, is_misunderstood
 from grounding.dialogue.turns import ASIDES, predict_turn
 from grounding.language.replies import read_reply
 
 _SENTENCE = re.compile(r"(?<=[.!?])\s+(?=\S)")
 _CLAUSE = re.compile(
-    r"(?<=[.!?])\s+(?=\S)|\s*[,;:]\s+|\s*\.\.+\s*|\s+-+\s+|\s+(?=(?:and|but|so|because|cause|cos|cuz)\s)", re.IGNORECASE
+    r"(?<=[.!?])\s+(?=\S)|\s*[,;:]\s+|\s*\.\.+\s*|\s+-+\s+|\s+(?=(?:and|but|so|because|cause|cos|cuz)\s)",
+    re.IGNORECASE,
 )
 # Least probability of the act of a part that is answered by itself.
 _SURE = 0.7
@@ -59,12 +62,12 @@ class Part:
         return self.act in _CHAT or not self.is_sure
 
 
-def sentences_of(talk: Conversation, text: str) -> list[Part]:
+def _sentences_of(talk: Conversation, text: str) -> list[Part]:
     """Return the sentences of a turn."""
     return _parts(talk, _SENTENCE.split(text))
 
 
-def clauses_of(talk: Conversation, text: str) -> list[Part]:
+def _clauses_of(talk: Conversation, text: str) -> list[Part]:
     """Return the clauses of a turn."""
     clauses: list[str] = []
     for one in filter(None, _CLAUSE.split(text)):
@@ -88,9 +91,43 @@ def _parts(talk: Conversation, texts: Sequence[str]) -> list[Part]:
     return found
 
 
-def is_misunderstood(answer: Answer) -> bool:
-    """Return whether an answer tells that words were not understood, or that nothing fits what was."""
-    reading = answer.reading
-    if answer.status == "ambiguous":
-        return bool(reading.doubt)
-    return answer.status != "ok" and not answer.plan.refused and bool(reading.problem or reading.dropped)
+def answer_turn(talk: Conversation, text: str) -> Answer:
+    """Answer a sentence, or several: each one in turn, if each is plain by itself and does something else."""
+    before = talk.state
+    sentences = [] if talk.is_opening else _sentences_of(talk, text)
+    acts = [one.act for one in sentences if not one.is_aside]
+    plain = all(one.is_sure for one in sentences) and len({*acts}) == len(acts)
+    if plain and (answer := _answer_each(talk, sentences)):
+        return answer
+    answer = answer_sentence(talk, text)
+    if is_misunderstood(answer):
+        after, talk.state = talk.state, before
+        again = _answer_each(talk, _clauses_of(talk, text))
+        if again is not None and not is_misunderstood(again):
+            return again
+        talk.state = after
+    return answer
+
+
+def _answer_each(talk: Conversation, parts: Sequence[Part]) -> Answer | None:
+    """Answer the parts of a turn one after the other; None if all of them are chat.
+
+    Returns:
+        The answer to the last part that chooses or changes something, else to the last question. A part that comes
+        to nothing, and asks for nothing new, is a reason: "The second one. It's right outside my house".
+    """
+    several = any(not (one.is_aside or one.is_reply) for one in parts)
+    answer = aside = None
+    for one in parts:
+        before = talk.state
+        if one.is_chat or (one.is_reply and several):
+            notice(talk, one.text)
+        elif one.is_aside:
+            aside = answer_sentence(talk, one.text)
+        else:
+            told = answer_sentence(talk, one.text)
+            if answer is None or one.is_command or told.status == "ok":
+                answer = told
+            else:
+                talk.state = before
+    return answer or aside

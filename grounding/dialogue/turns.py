@@ -14,7 +14,7 @@ from grounding.language.reader.fields import ACTS, FIELDS, NONE
 from grounding.language.reader.network import Numbers, Prediction
 from grounding.language.reader.revision import command_of, field_value
 from grounding.language.reader.turns import State, default_turn_reader
-from grounding.language.replies import SHIFTS, Reply, named_distance, read_reply
+from grounding.language.replies import SHIFTS, Reply, named_distance
 from grounding.language.syntax.tokenizer import Token, normalise, tokenise
 from grounding.query import Query, Referent
 from grounding.vocabulary import POSITIONS, Action, ShiftDirection
@@ -35,7 +35,7 @@ _DOING = tuple(one for one in ACTS if one not in (*ASIDES, "yes", "no", "any", "
 # Least probability that all is to be dropped, and of an act that nothing else in the turn supports.
 _SURE_CANCEL, _CERTAIN = 0.9, 0.9
 # Least probability of a reply where the grammar finds a command.
-_SURE_AGAINST = 0.6
+_SURE_AGAINST = 0.75
 # The same where a pattern covers all words.
 _SURE_AGAINST_PATTERN = 0.8
 # Least probability at which a command that only the network understands is acted upon.
@@ -91,9 +91,9 @@ class Turn:
 
     @property
     def is_change(self) -> bool:
-        """Whether it chooses or changes something for certain, by one act or another."""
+        """Whether it chooses or changes something for certain, by one act or another, and is no command."""
         shares = self.prediction.choices["act"]
-        return sum(shares[one] for one in _CHANGES) >= _CERTAIN
+        return self.needed <= _SURE and sum(shares[one] for one in _CHANGES) >= _CERTAIN
 
     @property
     def is_likely_command(self) -> bool:
@@ -142,7 +142,7 @@ class Turn:
         return Referent(like.noun, like.head, named or like.colour, qualifiers, anaphora=True)
 
     def descriptions(self, antecedent: Referent | None) -> list[Referent]:
-        """Return what it describes, as by `described`, then the same with its other likely colours, or without one."""
+        """Return what it describes, first as by `described`, then with its other likely colours, and without one."""
         best = self.described(antecedent)
         if best is None:
             return []

@@ -1,8 +1,8 @@
 """Dialogue acts of turns in a conversation, classified by a network from the words and the state of the dialogue.
 
 The network is that of whole commands with other fields (`TURN_CHOICES`). Before the words it reads one more token:
-the state of the conversation, the last command, and how the patterns of replies split the turn. `python -m benchmarks.train_turns`
-makes its weights.
+the state of the conversation, the last command, and how the patterns of replies split the turn. `python -m
+benchmarks.train_turns` makes its weights.
 """
 
 from __future__ import annotations

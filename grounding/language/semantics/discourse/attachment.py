@@ -24,6 +24,8 @@ def attach_phrase(state: DiscourseState, phrase: NounPhrase) -> None:
         noun = phrase.head.split()[-1]
         phrase = NounPhrase(kind="vehicle", noun=noun, head=noun, start=phrase.start)
     name_by_order(state.discourse, phrase)
+    if phrase.kind == "adjective" and phrase.colour and _is_other_end(state):
+        phrase.kind = "one"  # "between the red one and the black"
     if phrase.kind == "ego":
         _attach_ego(state, phrase)
     elif state.is_repair and state.frame is None and replace_target(state, phrase):
@@ -43,6 +45,14 @@ def attach_phrase(state: DiscourseState, phrase: NounPhrase) -> None:
         add_mention(state, phrase, "landmark")
     else:
         _attach_after_verb(state, state.frame, phrase)
+
+
+def _is_other_end(state: DiscourseState) -> bool:
+    """Return whether a noun phrase is the second one of "between"."""
+    frame = state.frame
+    if frame is None or frame.target is None or state.open_relation is not None or state.last_relation != "between":
+        return False
+    return not any(relation == "between" for relation, _ in frame.landmarks)
 
 
 def discard_leading_place(state: DiscourseState) -> None:
@@ -134,9 +144,8 @@ def _attach_after_verb(state: DiscourseState, frame: CommandFrame, phrase: NounP
     """Attach a noun phrase that follows a verb without a relation."""
     noun = state.open_phrase
     no_target = frame.target is None
-    after_between = state.last_relation == "between"
     first_between = bool(frame.landmarks) and frame.landmarks[-1][0] == "between"
-    if no_target and after_between and first_between and phrase.kind in VEHICLE_KINDS:
+    if no_target and state.last_relation == "between" and first_between and phrase.kind in VEHICLE_KINDS:
         attach_target(state, "between", phrase)  # "between the lamp post and the van"
     elif frame.verb_class in ("give", "leave") and (
         phrase.kind in PLACE_KINDS or (frame.target and phrase.kind == "thing")
@@ -151,9 +160,11 @@ def _attach_after_verb(state: DiscourseState, frame: CommandFrame, phrase: NounP
         frame.verb_class == "take" and phrase.kind == "pronoun" and noun is None
     ):
         _attach_object(state, frame, phrase)
-    elif after_between and not any(relation == "between" for relation, _ in frame.landmarks):
-        if phrase.kind == "one" and frame.target is not None:
+    elif _is_other_end(state) and frame.target is not None:
+        if phrase.kind == "one":
             phrase.take_noun(frame.target)  # "between the silver car and the black one"
+        if phrase.kind == "one":
+            phrase.kind = phrase.noun = "vehicle"  # "between the silver one and the black one"
         frame.landmarks.append(("between", phrase))
         add_mention(state, phrase, "landmark")
     elif phrase.kind == "one" and frame.target is not None:

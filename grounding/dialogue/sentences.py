@@ -1,0 +1,282 @@
+"""Answers to one sentence of a conversation: a reply, a change, or a command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+
+from grounding.answer import Answer
+from grounding.dialogue.changes import (
+    BIT_M,
+    all_but,
+    answer_fragment,
+    change_distance,
+    described_by,
+    drop_steps,
+    move_elsewhere,
+    scale_distance,
+    shift_from_named,
+    shift_last,
+    shift_more,
+)
+from grounding.dialogue.choices import (
+    choose_middle,
+    choose_number,
+    choose_offered,
+    confirm,
+    go_back,
+    refuse,
+    take_any,
+    take_next,
+    take_none,
+    take_other,
+)
+from grounding.dialogue.commands import answer_command, ask_to_stop
+from grounding.dialogue.conversation import Conversation
+from grounding.dialogue.fragments import complete, has_verb, names_pronoun
+from grounding.dialogue.reports import (
+    ask_again,
+    cancel,
+    count,
+    keep,
+    look_for,
+    pause,
+    tell_goal,
+    tell_reasons,
+    tell_room,
+    tell_seen,
+    tell_vehicle,
+)
+from grounding.dialogue.turns import Turn, read_turn, state_of
+from grounding.goal.shift import Shift
+from grounding.language.reader.fields import NONE
+from grounding.language.replies import Reply, read_reply
+from grounding.vocabulary import POSITIONS, REFUSED
+
+# What replies without further words do.
+_ACTS: Mapping[str, Callable[[Conversation, str], Answer]] = {
+    "cancel": cancel,
+    "heading": tell_goal,
+    "why": tell_reasons,
+    "repeat": ask_again,
+    "seen": tell_seen,
+    "other": take_other,
+    "neither": take_none,
+    "yes": confirm,
+    "no": refuse,
+    "thanks": keep,
+    "remark": keep,
+    "pause": pause,
+    "any": take_any,
+    "undo": go_back,
+    "about": tell_vehicle,
+    "following": partial(take_next, sign=1.0),
+    "previous": partial(take_next, sign=-1.0),
+    "former": partial(choose_offered, index=0),
+    "latter": partial(choose_offered, index=-1),
+    "middle": choose_middle,
+    "half": partial(scale_distance, factor=0.5),
+    "double": partial(scale_distance, factor=2.0),
+    "more": partial(shift_more, sign=1.0),
+    "less": partial(shift_more, sign=-1.0),
+    "elsewhere": move_elsewhere,
+}
+# Replies that mean something before any command.
+_WITHOUT_COMMAND = ("seen", "cancel")
+# Replies that hold where what follows is not understood: "cancel, I'm taking a call first".
+_BEFORE_REASONS = ("cancel", "any", "yes", "neither", "thanks", "undo", "why")
+# Manoeuvres that only the grammar knows: "a bit faster" is no shift.
+_OF_THE_GRAMMAR = (*REFUSED, "faster")
+# Replies about the words that follow them.
+_ABOUT_WORDS: Mapping[str, Callable[[Conversation, str, str], Answer]] = {
+    "seek": look_for,
+    "count": count,
+    "room": tell_room,
+}
+
+
+def answer_sentence(talk: Conversation, text: str) -> Answer:
+    """Answer one sentence: by its reader where that is sure, else by the grammar, else by what the reader deems likely."""
+    before = talk.state
+    reply = read_reply(text, talk.grounder.lexicon)
+    guess = read_turn(talk, text, reply)
+    turn = guess if guess is not None and guess.is_sure else None
+    answer = _answer_turn(talk, text, reply, turn) if turn else None
+    if turn is None and guess is not None and guess.is_change and not talk.is_opening:
+        answer = _answer_likely(talk, text, reply, guess)
+    plain = reply.rest and {*reply.kinds} <= {"meant"} and not talk.is_opening
+    if answer is None and guess is not None and guess.is_chat and plain:
+        answer = _answer_likely(talk, text, reply, guess) or keep(talk, text)
+    answer = answer or _answer(talk, text, reply, turn)
+    if guess is not None and not talk.is_opening and is_misunderstood(answer):
+        after, talk.state = talk.state, before
+        if likely := _answer_likely(talk, text, reply, guess):
+            return likely
+        talk.state = after
+        if state_of(talk) == "goal" and not guess.is_likely_command:
+            return keep(talk, text)
+    return answer
+
+
+def is_misunderstood(answer: Answer) -> bool:
+    """Return whether an answer tells that words were not understood, or that nothing fits what was."""
+    reading = answer.reading
+    if answer.status == "ambiguous":
+        return bool(reading.doubt)
+    return answer.status != "ok" and not answer.plan.refused and bool(reading.problem or reading.dropped)
+
+
+def _answer_likely(talk: Conversation, text: str, reply: Reply, guess: Turn) -> Answer | None:
+    """Answer a turn by the likeliest act that comes to something; None if none does."""
+    before = talk.state
+    for act in guess.likely_acts:
+        answer = _answer_turn(talk, text, reply, replace(guess, act=act))
+        if answer is not None and (answer.status == "ok" or act == "remark"):
+            return answer
+        talk.state = before
+    return None
+
+
+def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Answer | None:
+    """Answer a turn by what its reader takes it for; None where the grammar is to answer."""
+    act, state = turn.act, talk.state
+    if act in ("seek", "count", "about") and (named := described_by(turn, talk.antecedent)):
+        if act == "about" and turn.best("noun") == NONE:
+            return tell_vehicle(talk, text)
+        asked = "" if act == "about" else reply.rest or text  # "what colour is the van" describes none by itself
+        return (count if act == "count" else look_for)(talk, text, asked, named)
+    if talk.is_opening:
+        if act in ("describe", "place") and not reply.kinds and talk.readings(text)[0].problem:
+            return ask_to_stop(talk, text, reply.rest)
+        return _ACTS[act](talk, text) if act in _WITHOUT_COMMAND else None
+    if _says_more(talk, reply, turn) or talk.read(reply.rest or text).query.manoeuvre in _OF_THE_GRAMMAR:
+        return None
+    if act == "no" and "cancel" in reply.kinds:
+        return cancel(talk, text)
+    if act in ("neither", "previous", "following") and turn.names_vehicle:
+        return answer_fragment(talk, text, reply, replace(turn, act="describe"))  # "neither, she has the van today"
+    if act == "number":
+        return _answer_number(talk, text, reply, turn.number)
+    if act == "shift":
+        moved = shift_from_named(talk, text, reply)
+        return moved or shift_last(talk, text, Shift(turn.shift, turn.distance_m or BIT_M))
+    if act in ("more", "less"):
+        return shift_more(talk, text, 1.0 if act == "more" else -1.0, turn.distance_m or BIT_M)
+    if act in ("describe", "place"):
+        return answer_fragment(talk, text, reply, turn) or (ask_again(talk, text) if state.question else None)
+    if act == "drop":
+        known = turn.action in {one.query.action for one in state.plan}
+        return drop_steps(talk, text, turn.action) if known or turn.is_certain else None
+    if act == "room":
+        return tell_room(talk, text, reply.rest or text)
+    if act == "undo":
+        return go_back(talk, text, turn.described(None))
+    return _ACTS[act](talk, text) if act in _ACTS else None
+
+
+def _says_more(talk: Conversation, reply: Reply, turn: Turn) -> bool:
+    """Return whether a turn says more than its act, which the grammar reads."""
+    act = turn.act
+    if act in ("pause", "remark", "cancel"):
+        return "meant" in reply.kinds and bool(reply.rest) and not turn.is_certain  # "oh wait, I meant right"
+    if act == "other" or (act in ("shift", "more", "less") and reply.leading_shift):
+        return _names_place_only(talk, reply.rest)  # "the other van. In front of it", "a bit before it"
+    question = talk.state.question
+    return question is not None and bool(all_but(talk, reply.rest, question))  # "not the near one"
+
+
+def _answer_number(talk: Conversation, text: str, reply: Reply, number: int | None) -> Answer | None:
+    """Answer a number: of the listed vehicles, else of a row of them: "make it the second"; None without one."""
+    if number is None:
+        return None
+    question = talk.state.question
+    listed = question is not None and len(question.alternatives or question.candidates) > 1
+    if ((listed and number > 0) or not reply.rest) and not reply.rest.startswith("not "):
+        return choose_number(talk, text, number)
+    word = next((name for name, position in POSITIONS.items() if position == number), "last" if number < 0 else "")
+    return answer_fragment(talk, text, replace(reply, rest=f"the {word} one")) if word else None
+
+
+def _answer_reply(talk: Conversation, text: str, reply: Reply) -> Answer | None:
+    """Answer a number, a shift, a reply without further words, or a question about them; None for what else."""
+    state = talk.state
+    offered = state.question is not None and not state.question.plan.question
+    if reply.number is not None and (not reply.rest or offered):
+        named = state.question is None and state.request is not None and state.request.query.distance_m is not None
+        return (change_distance if named else choose_number)(talk, text, reply.number)
+    if reply.distance_m is not None and reply.kinds[-1] in ("more", "less"):
+        return shift_more(talk, text, 1.0 if reply.kinds[-1] == "more" else -1.0, reply.distance_m)
+    if reply.shift:
+        distance_m = BIT_M if reply.distance_m is None else reply.distance_m
+        return shift_last(talk, text, Shift(reply.shift, distance_m))
+    last = reply.kinds[-1] if reply.kinds else ""
+    if not reply.rest:
+        if last in ("room", "seek"):
+            return tell_room(talk, text, text)  # "will we fit?", "is there?" after "if there's space"
+        return _ACTS[last](talk, text) if last in _ACTS else None
+    if last == "why":
+        return tell_reasons(talk, text)
+    return _ABOUT_WORDS[last](talk, text, reply.rest) if last in _ABOUT_WORDS else None
+
+
+def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> Answer:
+    """Answer a sentence that is split into replies and the rest; `turn`: what its reader takes it for."""
+    state = talk.state
+    turn = turn if turn is not None and turn.act in ("command", "then") else None
+    # "Forget that then, go behind the van" begins anew.
+    then = ("then" in reply.kinds and "cancel" not in reply.kinds) or (turn is not None and turn.act == "then")
+    if turn is not None and turn.act == "then" and turn.is_certain and reply.rest:
+        return answer_command(talk, text, reply.rest, then=True, turn=turn)
+    if answer := _answer_reply(talk, text, reply):
+        return answer
+    if not reply.rest:
+        return answer_command(talk, text, text, turn=turn)
+    if talk.is_opening and not talk.readings(text, talk.antecedent)[0].problem:
+        return answer_command(talk, text, text)  # the first sentence stands alone
+    reading = talk.read(reply.rest)
+    if "without" in reply.kinds and reading.query.action is None:
+        reading = talk.read(reply.rest.removeprefix("the "))  # "skip the stop"
+    if ("without" in reply.kinds or ("cancel" in reply.kinds and not has_verb(reading))) and reading.query.action:
+        return drop_steps(talk, text, reading.query.action)
+    if (
+        "yes" in reply.kinds
+        and reading.query.direction == "around"
+        and state.question
+        and state.question.plan.question
+    ):
+        return confirm(talk, text)
+    if answer := shift_from_named(talk, text, reply):
+        return answer
+    if reply.leading_shift and reading.problem:
+        if answer := answer_fragment(talk, text, reply):
+            return answer
+        if state.question is None:
+            return shift_last(talk, text, Shift(reply.leading_shift, BIT_M))
+    doubted = bool(reading.doubt) and turn is None and state.request is not None
+    if doubted and (answer := answer_fragment(talk, text, reply)):
+        return answer  # "in front, easier to get out": the verb is that of a reason
+    reasoned = bool(reading.problem) and turn is None and reply.kinds[-1:] and reply.kinds[-1] in _BEFORE_REASONS
+    if has_verb(reading) and not reasoned:
+        edits = "no" in reply.kinds or "meant" in reply.kinds
+        return answer_command(talk, text, reply.rest, then, "yes" in reply.kinds, edits, turn)
+    if then and not reading.problem and reading.query.relation == "none":
+        return answer_command(talk, text, reply.rest, then=True, turn=turn)  # "then behind the van" is another place
+    if "other" in reply.kinds and _names_place_only(talk, reply.rest):
+        take_other(talk, text)  # "no, the other van. In front of it"
+    if answer := answer_fragment(talk, text, reply):
+        return answer
+    if reasoned:
+        return _ACTS[reply.kinds[-1]](talk, text)
+    if state.question is not None and state.request is not None and not turn:
+        return ask_again(talk, text)
+    return answer_command(talk, text, text if reading.problem else reply.rest, turn=turn)
+
+
+def _names_place_only(talk: Conversation, words: str) -> bool:
+    """Return whether words name another place at a vehicle that they do not describe, while a goal is in force."""
+    state = talk.state
+    if state.goal is None or state.question is not None or state.request is None:
+        return False
+    placed = complete(words, state.request.query, talk.antecedent, talk.readings)
+    return placed is not None and names_pronoun(placed)
