@@ -86,7 +86,7 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
 def _place_of(
     talk: Conversation, text: str, reply: Reply, turn: Turn | None, reading: Reading | None
 ) -> Reading | None:
-    """Return the place, and its vehicle, that the reader of turns finds; None where that of the grammar counts more."""
+    """Return the place, and its vehicle, that the reader of turns finds; None where the grammar's counts more."""
     if turn is None or not (turn.act == "place" or (turn.act == "describe" and turn.best("relation") != "none")):
         return None
     place = turn.placed(text, talk.antecedent) if turn.replaces(reading) else None
@@ -142,9 +142,8 @@ def _answer_description(
     if found.status == "ambiguous":
         offered = {one.item.id for one in talk.state.offered}
         before = [one for one in found.candidates if one.item.id in offered]
-        return talk.narrow(
-            before or found.candidates, described
-        )  # of a red car and a red van, "the car" is the red one
+        # Of a red car and a red van, "the car" is the red one.
+        return talk.narrow(before or found.candidates, described)
     if question is not None or (turn is not None and talk.state.question is not None):
         return None  # a question stays open if what is not plain fits nothing
     return talk.take(talk.state.with_request(described))

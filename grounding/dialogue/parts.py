@@ -10,7 +10,7 @@ from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.reports import notice
 from grounding.dialogue.sentences import answer_sentence, is_misunderstood
-from grounding.dialogue.turns import ASIDES, predict_turn
+from grounding.dialogue.turns import ASIDES, DOING, predict_turn
 from grounding.language.replies import read_reply
 
 _SENTENCE = re.compile(r"(?<=[.!?])\s+(?=\S)")
@@ -18,23 +18,33 @@ _CLAUSE = re.compile(
     r"(?<=[.!?])\s+(?=\S)|\s*[,;:]\s+|\s*\.\.+\s*|\s+-+\s+|\s+(?=(?:and|but|so|because|cause|cos|cuz)\s)",
     re.IGNORECASE,
 )
-# Least probability of the act of a part that is answered by itself.
-_SURE = 0.7
+# Least probability of the act of a part that is answered by itself, and that it does something at all.
+_SURE, _MAY_DO = 0.7, 0.5
 # Acts of parts that nothing follows from, alone or before others: "no, no. The other one".
 _CHAT, _REPLIES = ("remark", "pause"), ("yes", "no")
 # Acts that are told apart by the grammar too: which of them it is needs not be certain.
 _KINDS = (ASIDES, ("describe", "place", "shift", "command", "then", "number"))
+# Acts that give something up, after which another one often follows.
+_GIVING_UP = ("cancel", "drop", "neither")
 # Acts that ask for something new.
 _COMMANDS = ("command", "then")
 
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a turn, its likeliest act, and the probability that it does something of that kind, or nothing."""
+    """A part of a turn.
+
+    Attributes:
+        text: its words.
+        act: likeliest act.
+        sure: probability of acts of its kind.
+        does: probability that it does anything.
+    """
 
     text: str
     act: str
     sure: float
+    does: float
 
     @property
     def is_sure(self) -> bool:
@@ -55,6 +65,11 @@ class Part:
     def is_reply(self) -> bool:
         """Whether it only says yes or no."""
         return self.act in _REPLIES
+
+    @property
+    def may_do(self) -> bool:
+        """Whether it is not plain what it does, though it may do something."""
+        return not self.is_sure and self.does >= _MAY_DO
 
     @property
     def is_chat(self) -> bool:
@@ -79,38 +94,44 @@ def _clauses_of(talk: Conversation, text: str) -> list[Part]:
 
 
 def _parts(talk: Conversation, texts: Sequence[str]) -> list[Part]:
-    if len(texts) < 2:
-        return []
     found = []
     for text in texts:
         _, prediction = predict_turn(talk, text, read_reply(text, talk.grounder.lexicon))
         if prediction is not None:
             act, shares = prediction.best("act"), prediction.choices["act"]
             kind = next((kind for kind in _KINDS if act in kind), (act,))
-            found.append(Part(text, act, sum(shares[one] for one in kind)))
+            found.append(Part(text, act, sum(map(shares.__getitem__, kind)), sum(map(shares.__getitem__, DOING))))
     return found
 
 
 def answer_turn(talk: Conversation, text: str) -> Answer:
     """Answer a sentence, or several: each one in turn, if each is plain by itself and does something else."""
     before = talk.state
-    sentences = [] if talk.is_opening else _sentences_of(talk, text)
-    acts = [one.act for one in sentences if not one.is_aside]
-    plain = all(one.is_sure for one in sentences) and len({*acts}) == len(acts)
-    if plain and (answer := _answer_each(talk, sentences)):
+    parts = [] if talk.is_opening else _sentences_of(talk, text)
+    if len(parts) == 1 and parts[0].act in _GIVING_UP:
+        parts = _clauses_of(talk, text)  # "never mind overtaking, just stay behind it"
+    acts = [one.act for one in parts if not one.is_aside]
+    plain = len(parts) > 1 and all(one.is_sure for one in parts) and len({*acts}) == len(acts)
+    if plain and (answer := _answer_each(talk, parts)):
         return answer
     answer = answer_sentence(talk, text)
     if is_misunderstood(answer):
         after, talk.state = talk.state, before
-        again = _answer_each(talk, _clauses_of(talk, text))
+        clauses = _clauses_of(talk, text)
+        again = None if any(one.may_do for one in clauses) else _answer_each(talk, clauses, reasons=False)
         if again is not None and not is_misunderstood(again):
             return again
         talk.state = after
     return answer
 
 
-def _answer_each(talk: Conversation, parts: Sequence[Part]) -> Answer | None:
+def _answer_each(talk: Conversation, parts: Sequence[Part], reasons: bool = True) -> Answer | None:
     """Answer the parts of a turn one after the other; None if all of them are chat.
+
+    Args:
+        talk: the conversation.
+        parts: the parts, in order.
+        reasons: whether a part that comes to nothing may be a reason; else nothing is answered then.
 
     Returns:
         The answer to the last part that chooses or changes something, else to the last question. A part that comes
@@ -128,6 +149,8 @@ def _answer_each(talk: Conversation, parts: Sequence[Part]) -> Answer | None:
             told = answer_sentence(talk, one.text)
             if answer is None or one.is_command or told.status == "ok":
                 answer = told
+            elif not reasons:
+                return None
             else:
                 talk.state = before
     return answer or aside

@@ -97,7 +97,7 @@ _ABOUT_WORDS: Mapping[str, Callable[[Conversation, str, str], Answer]] = {
 
 
 def answer_sentence(talk: Conversation, text: str) -> Answer:
-    """Answer one sentence: by its reader where that is sure, else by the grammar, else by what the reader deems likely."""
+    """Answer a sentence: by its reader if that is sure, else by the grammar, else by what the reader deems likely."""
     before = talk.state
     reply = read_reply(text, talk.grounder.lexicon)
     guess = read_turn(talk, text, reply)

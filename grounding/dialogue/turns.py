@@ -31,7 +31,7 @@ ASIDES = ("remark", "pause", "why", "about", "seek", "seen", "count", "room", "h
 # Acts that choose another vehicle or change its place.
 _CHANGES = ("number", "middle", "following", "previous", "describe", "place", "shift", "more", "less")
 # Acts that a command or a description in the words may stand for.
-_DOING = tuple(one for one in ACTS if one not in (*ASIDES, "yes", "no", "any", "neither", "cancel"))
+DOING = tuple(one for one in ACTS if one not in (*ASIDES, "yes", "no", "any", "neither", "cancel"))
 # Least probability that all is to be dropped, and of an act that nothing else in the turn supports.
 _SURE_CANCEL, _CERTAIN = 0.9, 0.9
 # Least probability of a reply where the grammar finds a command.
@@ -105,7 +105,7 @@ class Turn:
     def is_chat(self) -> bool:
         """Whether it hardly does anything, whatever command the grammar finds in it."""
         shares = self.prediction.choices["act"]
-        return not self.is_sure and sum(shares[one] for one in _DOING) < _LEAST_DOING
+        return not self.is_sure and sum(shares[one] for one in DOING) < _LEAST_DOING
 
     @property
     def names_vehicle(self) -> bool:
@@ -214,7 +214,9 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     own = own_act(reply, reading)
     scores = vote_on_act(prediction.choices["act"], own, default_turn_reader().rule["act"])
     act = max(scores, key=scores.__getitem__)
-    detailed = own[0] in _DETAILED.get(act, ()) and (own[0] != "command" or _names_something(reading))
+    # "Hold up, wait a sec" is a pause, a bare "wait" a command.
+    says_it = own[0] != "command" or _names_something(reading) or len(reading.tokens) == 1
+    detailed = own[0] in _DETAILED.get(act, ()) and says_it
     if (act == own[0] and act not in ("command", "undo")) or detailed:
         return None  # the patterns of replies, or the grammar, know the details
     if act == "place" and own[0] == "command" and reading.query.relation == prediction.best("relation") != NONE:
