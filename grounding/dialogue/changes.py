@@ -55,7 +55,7 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
     only_places = turn is not None and turn.act == "place" and turn.described(None) is None
     if not only_places and (both := describe_and_place(reply.rest, base, antecedent, talk.readings)):
         return _replace(talk, text, both, request)
-    describes = turn is not None and turn.act == "describe" and turn.best("relation") == "none"
+    describes = turn is not None and turn.act == "describe" and turn.relation == "none"
     describes = describes and not begins_with_place(reply.rest, talk.readings)  # "behind the beige one would do"
     # A relation in a mere description is that of a neighbour, or the grammar's mistake.
     reading = None if describes else complete(reply.rest, base, antecedent, talk.readings)
@@ -87,7 +87,7 @@ def _place_of(
     talk: Conversation, text: str, reply: Reply, turn: Turn | None, reading: Reading | None
 ) -> Reading | None:
     """Return the place, and its vehicle, that the reader of turns finds; None where the grammar's counts more."""
-    if turn is None or not (turn.act == "place" or (turn.act == "describe" and turn.best("relation") != "none")):
+    if turn is None or not (turn.act == "place" or (turn.act == "describe" and turn.relation != "none")):
         return None
     place = turn.placed(text, talk.antecedent) if turn.replaces(reading) else None
     if place is None:

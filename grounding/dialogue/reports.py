@@ -113,9 +113,10 @@ def tell_vehicle(talk: Conversation, text: str) -> Answer:
 def count(talk: Conversation, text: str, words: str, guess: Reading | None = None) -> Answer:
     """Tell how many vehicles fit a description; "the one" refers to one of them then. `guess` as in `look_for`."""
     reading = read_description(words, talk.antecedent, talk.readings) or guess
-    if reading is None or reading.query.referent is None:
+    named = reading.query.referent if reading is not None else talk.antecedent  # "how many do you make it?"
+    if named is None:
         return not_understood(talk, text, talk.read(text))
-    sought = replace(reading.query.referent, definite=True, number=1)
+    sought = replace(named, definite=True, number=1)
     here = find_all(sought, talk.scene)
     talk.state = replace(talk.state, topic=sought)
     told = [describe_object(item, talk.scene) for item in here[:MAX_CANDIDATES]]

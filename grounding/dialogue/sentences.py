@@ -154,7 +154,7 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
         return None
     if act == "no" and "cancel" in reply.kinds:
         return cancel(talk, text)
-    if act in ("neither", "previous", "following") and turn.names_vehicle:
+    if turn.names_vehicle and (act in ("neither", "previous", "following") or turn.answers_by_description):
         return answer_fragment(talk, text, reply, replace(turn, act="describe"))  # "neither, she has the van today"
     if act == "number":
         return _answer_number(talk, text, reply, turn.number)

@@ -90,6 +90,11 @@ class Turn:
         return sorted(likely, key=lambda one: -shares[one])
 
     @property
+    def answers_by_description(self) -> bool:
+        """Whether a yes or no may be a description: "yes, the grey one"."""
+        return self.act in ("yes", "no") and self.prediction.choices["act"]["describe"] >= _LIKELY
+
+    @property
     def is_change(self) -> bool:
         """Whether it chooses or changes something for certain, by one act or another, and is no command."""
         shares = self.prediction.choices["act"]
@@ -129,6 +134,12 @@ class Turn:
         best = self.best("action")
         return next(one for one in get_args(Action) if one == best)
 
+    @property
+    def relation(self) -> str:
+        """The likeliest relation; to go to another vehicle instead keeps the one in force."""
+        best = self.best("relation")
+        return NONE if self.act == "describe" and best == "toward" else best
+
     def described(self, antecedent: Referent | None) -> Referent | None:
         """Return the vehicle that it describes, where it names none like the antecedent; None for no description."""
         noun, colour = self.best("noun"), self.best("colour")
@@ -163,7 +174,7 @@ class Turn:
     @property
     def is_plain(self) -> bool:
         """Whether it certainly names both a vehicle and a place: "she's by the green car, go behind that"."""
-        best = self.best("relation")
+        best = self.relation
         return self.names_vehicle and best != NONE and self.prediction.choices["relation"][best] > _SURE_RELATION
 
     def replaces(self, reading: Reading | None) -> bool:
@@ -179,7 +190,7 @@ class Turn:
 
     def placed(self, text: str, antecedent: Referent | None) -> Query | None:
         """Return the partial query of the place and the vehicle that it names; None if it names no place."""
-        relation, side = self.best("relation"), self.best("goal_side")
+        relation, side = self.relation, self.best("goal_side")
         if relation == side == NONE and self.distance_m is None:
             return None
         slots: dict[str, Any] = {"goal_side": None if side == NONE else side}
@@ -226,7 +237,10 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     if distance_m is None and act in _MEASURED and counted:
         distance_m = number and float(number)  # "three more": metres
     needed = _least_probability(talk, reply, reading, act, own)
-    return Turn(act, scores[act], prediction, number, distance_m, needed)
+    # To drop the only step is to drop all.
+    drops_all = act == "cancel" and len(talk.state.plan) == 1
+    sure = scores[act] + (scores["drop"] if drops_all else 0.0)
+    return Turn(act, sure, prediction, number, distance_m, needed)
 
 
 def _least_probability(talk: Conversation, reply: Reply, reading: Reading, act: str, own: tuple[str, int]) -> float:
