@@ -57,6 +57,11 @@ class Part:
         return self.act in ASIDES
 
     @property
+    def asks(self) -> bool:
+        """Whether it asks for something, and gives nothing up."""
+        return not (self.is_aside or self.is_reply or self.act in _GIVING_UP)
+
+    @property
     def is_command(self) -> bool:
         """Whether it asks for something new."""
         return self.act in _COMMANDS
@@ -109,7 +114,8 @@ def answer_turn(talk: Conversation, text: str) -> Answer:
     before = talk.state
     parts = [] if talk.is_opening else _sentences_of(talk, text)
     if len(parts) == 1 and parts[0].act in _GIVING_UP:
-        parts = _clauses_of(talk, text)  # "never mind overtaking, just stay behind it"
+        clauses = _clauses_of(talk, text)  # "never mind overtaking, just stay behind it"
+        parts = clauses if any(one.asks for one in clauses) else []
     acts = [one.act for one in parts if not one.is_aside]
     plain = len(parts) > 1 and all(one.is_sure for one in parts) and len({*acts}) == len(acts)
     if plain and (answer := _answer_each(talk, parts)):

@@ -158,6 +158,8 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
         return answer_fragment(talk, text, reply, replace(turn, act="describe"))  # "neither, she has the van today"
     if act == "number":
         return _answer_number(talk, text, reply, turn.number)
+    if turn.shifts_to_place:
+        return answer_fragment(talk, text, reply, replace(turn, act="place"))
     if act == "shift":
         moved = shift_from_named(talk, text, reply)
         return moved or shift_last(talk, text, Shift(turn.shift, turn.distance_m or BIT_M))

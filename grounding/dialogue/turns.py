@@ -174,8 +174,17 @@ class Turn:
     @property
     def is_plain(self) -> bool:
         """Whether it certainly names both a vehicle and a place: "she's by the green car, go behind that"."""
+        return self.names_vehicle and self._names_place
+
+    @property
+    def shifts_to_place(self) -> bool:
+        """Whether a shift may as well be a place that is certainly named: "make that five metres in front"."""
+        return self.act == "shift" and self._names_place and self.prediction.choices["act"]["place"] >= _LIKELY
+
+    @property
+    def _names_place(self) -> bool:
         best = self.relation
-        return self.names_vehicle and best != NONE and self.prediction.choices["relation"][best] > _SURE_RELATION
+        return best != NONE and self.prediction.choices["relation"][best] > _SURE_RELATION
 
     def replaces(self, reading: Reading | None) -> bool:
         """Return whether its place counts more than that of the grammar: "not behind, in front"."""
