@@ -31,10 +31,13 @@ def _without_given_up(steps: Sequence[Request]) -> tuple[Request, ...]:
 
 
 def _gives_up(step: Request, following: Request) -> bool:
-    here, there = step.chosen, following.chosen
+    here, there, query = step.chosen, following.chosen, step.query
+    if here is None or there is None or here.item.id != there.item.id:
+        return False
     stays = following.query.action == "follow" or following.query.relation == "behind"
-    anywhere = step.query.action in ("overtake", "drive_past") or step.query.relation == "none"
-    return stays and anywhere and here is not None and there is not None and here.item.id == there.item.id
+    # "Just tuck in and follow it": to tuck in is no place of its own.
+    parks = query.action in ("park", "stop", "pull_over") and query.relation == "none"
+    return stays and (query.action in ("overtake", "drive_past") or parks)
 
 
 class Conversation:

@@ -11,7 +11,9 @@ from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.reports import notice
 from grounding.dialogue.sentences import answer_sentence, is_misunderstood
 from grounding.dialogue.turns import ASIDES, DOING, predict_turn
-from grounding.language.replies import read_reply
+from grounding.language.reader.fields import NONE
+from grounding.language.reader.network import Prediction
+from grounding.language.replies import named_distance, read_reply
 
 _SENTENCE = re.compile(r"(?<=[.!?])\s+(?=\S)")
 _CLAUSE = re.compile(
@@ -24,6 +26,8 @@ _SURE, _MAY_DO = 0.7, 0.5
 _CHAT, _REPLIES = ("remark", "pause"), ("yes", "no")
 # Acts that are told apart by the grammar too: which of them it is needs not be certain.
 _KINDS = (ASIDES, ("describe", "place", "shift", "command", "then", "number"))
+# Acts that name a vehicle or a place, and the least probability of a qualifier that does.
+_NAMING, _NAMED = ("describe", "place"), 0.3
 # Acts that give something up, after which another one often follows.
 _GIVING_UP = ("cancel", "drop", "neither")
 # Acts that ask for something new.
@@ -104,9 +108,19 @@ def _parts(talk: Conversation, texts: Sequence[str]) -> list[Part]:
         _, prediction = predict_turn(talk, text, read_reply(text, talk.grounder.lexicon))
         if prediction is not None:
             act, shares = prediction.best("act"), prediction.choices["act"]
+            if act in _NAMING and _names_nothing(prediction, text):
+                found.append(Part(text, "remark", 1.0, 0.0))  # "there's a cello in the back"
+                continue
             kind = next((kind for kind in _KINDS if act in kind), (act,))
             found.append(Part(text, act, sum(map(shares.__getitem__, kind)), sum(map(shares.__getitem__, DOING))))
     return found
+
+
+def _names_nothing(prediction: Prediction, text: str) -> bool:
+    """Return whether a part names neither a vehicle nor a place, nor a distance."""
+    values = (prediction.best(field) for field in ("noun", "colour", "relation", "goal_side", "direction"))
+    named = any(value != NONE for value in values) or max(prediction.qualifiers.values()) > _NAMED
+    return not named and named_distance(text) is None
 
 
 def answer_turn(talk: Conversation, text: str) -> Answer:
@@ -124,7 +138,8 @@ def answer_turn(talk: Conversation, text: str) -> Answer:
     if is_misunderstood(answer):
         after, talk.state = talk.state, before
         clauses = _clauses_of(talk, text)
-        again = None if any(one.may_do for one in clauses) else _answer_each(talk, clauses, reasons=False)
+        plain = len(clauses) > 1 and not any(one.may_do for one in clauses)
+        again = _answer_each(talk, clauses, reasons=False) if plain else None
         if again is not None and not is_misunderstood(again):
             return again
         talk.state = after
