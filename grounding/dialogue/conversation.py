@@ -25,7 +25,7 @@ _ALIKE = 2.5
 
 
 def _without_given_up(steps: Sequence[Request]) -> tuple[Request, ...]:
-    """Return steps without those that the next one gives up: who stays behind a vehicle neither passes nor parks."""
+    """Return steps without those that the next one replaces: staying behind a vehicle replaces passing it."""
     given_up = [_gives_up(one, following) for one, following in pairwise(steps)]
     return tuple(one for one, is_given_up in zip(steps, [*given_up, False], strict=True) if not is_given_up)
 
@@ -124,7 +124,7 @@ class Conversation:
     def take(self, requests: Sequence[Request], then: bool = False, answer: Answer | None = None) -> Answer:
         """Make steps the plan in force, or ask; with `then`, after the steps in force.
 
-        Who stays behind a vehicle does not overtake it first.
+        Staying behind a vehicle replaces a step that passes it.
         """
         steps = _without_given_up((*self.state.plan, *requests) if then else tuple(requests))
         answer = answer if steps == tuple(requests) else None

@@ -1,4 +1,4 @@
-"""A turn of several sentences or clauses: each is answered in turn, where it is plain what it does."""
+"""Turns of several sentences or clauses: each part is answered by itself if its act is certain."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _CLAUSE = re.compile(
     r"(?<=[.!?])\s+(?=\S)|\s*[,;:]\s+|\s*\.\.+\s*|\s+-+\s+|\s+(?=(?:and|but|so|because|cause|cos|cuz)\s)",
     re.IGNORECASE,
 )
-# Least probability of the act of a part that is answered by itself, and that it does something at all.
+# Least probability of an act that is certain, and of any act with an effect.
 _SURE, _MAY_DO = 0.7, 0.5
-# Acts of parts that nothing follows from, alone or before others: "no, no. The other one".
+# Acts without an effect: chat, and a mere yes or no before another part ("no, no. The other one").
 _CHAT, _REPLIES = ("remark", "pause"), ("yes", "no")
-# Acts that are told apart by the grammar too: which of them it is needs not be certain.
+# Acts whose probabilities are added, since the grammar tells them apart as well.
 _KINDS = (ASIDES, ("describe", "place", "shift", "command", "then", "number"))
 # Acts that name a vehicle or a place, and the least probability of a qualifier that does.
 _NAMING, _NAMED = ("describe", "place"), 0.3
@@ -42,7 +42,7 @@ class Part:
         text: its words.
         act: likeliest act.
         sure: probability of acts of its kind.
-        does: probability that it does anything.
+        does: probability of any act with an effect.
     """
 
     text: str
@@ -52,12 +52,12 @@ class Part:
 
     @property
     def is_sure(self) -> bool:
-        """Whether the act is plain enough to answer the part by itself."""
+        """Whether the act is certain."""
         return self.sure >= _SURE
 
     @property
     def is_aside(self) -> bool:
-        """Whether it neither chooses nor changes anything: chat, or a question."""
+        """Whether it is chat or a question."""
         return self.act in ASIDES
 
     @property
@@ -77,12 +77,12 @@ class Part:
 
     @property
     def may_do(self) -> bool:
-        """Whether it is not plain what it does, though it may do something."""
+        """Whether its act is uncertain but may have an effect."""
         return not self.is_sure and self.does >= _MAY_DO
 
     @property
     def is_chat(self) -> bool:
-        """Whether nothing follows from it."""
+        """Whether it has no effect."""
         return self.act in _CHAT or not self.is_sure
 
 
@@ -124,7 +124,7 @@ def _names_nothing(prediction: Prediction, text: str) -> bool:
 
 
 def answer_turn(talk: Conversation, text: str) -> Answer:
-    """Answer a sentence, or several: each one in turn, if each is plain by itself and does something else."""
+    """Answer a turn: sentence by sentence if each has a certain act of its own, else as a whole."""
     before = talk.state
     parts = [] if talk.is_opening else _sentences_of(talk, text)
     if len(parts) == 1 and parts[0].act in _GIVING_UP:

@@ -97,7 +97,7 @@ _ABOUT_WORDS: Mapping[str, Callable[[Conversation, str, str], Answer]] = {
 
 
 def answer_sentence(talk: Conversation, text: str) -> Answer:
-    """Answer a sentence: by its reader if that is sure, else by the grammar, else by what the reader deems likely."""
+    """Answer a sentence by the likeliest act if it is certain, else by the grammar, else by the other likely acts."""
     before = talk.state
     reply = read_reply(text, talk.grounder.lexicon)
     guess = read_turn(talk, text, reply)
@@ -120,7 +120,7 @@ def answer_sentence(talk: Conversation, text: str) -> Answer:
 
 
 def is_misunderstood(answer: Answer) -> bool:
-    """Return whether an answer tells that words were not understood, or that nothing fits what was."""
+    """Return whether an answer is a failure to understand: a doubt, no command, or unused words and no result."""
     reading = answer.reading
     if answer.status == "ambiguous":
         return bool(reading.doubt)
@@ -128,7 +128,7 @@ def is_misunderstood(answer: Answer) -> bool:
 
 
 def _answer_likely(talk: Conversation, text: str, reply: Reply, guess: Turn) -> Answer | None:
-    """Answer a turn by the likeliest act that comes to something; None if none does."""
+    """Answer a turn by its likeliest act that succeeds; None if none does."""
     before = talk.state
     for act in guess.likely_acts:
         answer = _answer_turn(talk, text, reply, replace(guess, act=act))
