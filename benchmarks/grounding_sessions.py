@@ -171,10 +171,10 @@ class Stage:
 
 @dataclass(frozen=True)
 class TurnResult:
-    """The answer to a turn, what is wrong with it ('' if nothing is), and the processor time that it took."""
+    """An answer in words, what is wrong with it ('' if nothing is), and the processor time that it took."""
 
     turn: Mapping[str, Any]
-    answer: Answer | None
+    told: str
     wrong: str
     took_ms: float
 
@@ -197,13 +197,13 @@ def run(talk: Conversation) -> list[TurnResult]:
             answer = session.say(turn["say"])
         took_ms = 1000 * (time.process_time() - began_s)
         if answer is None:
-            results.append(TurnResult(turn, None, "no answer", took_ms))
+            results.append(TurnResult(turn, "", "no answer", took_ms))
             continue
         if "expect" in turn:
             wrong = judge_strangers(turn, answer, session.goal, last)
         else:
             wrong = judge(turn, answer, last, stage)
-        results.append(TurnResult(turn, answer, wrong, took_ms))
+        results.append(TurnResult(turn, answer.text(), wrong, took_ms))
         last = answer if answer.target or answer.candidates else last
     return results
 
@@ -385,8 +385,8 @@ def main(words: Sequence[str] | None = None) -> None:
                 for turn in every:
                     said = turn.turn.get("say") or turn.turn.get("choose") or f"drives to {turn.turn.get('drive')} m"
                     console.print(f"  > {said}    {'WRONG: ' + turn.wrong if turn.wrong else 'right'}")
-                    if turn.answer is not None and turn.wrong:
-                        console.print("    " + turn.answer.text().replace("\n", "\n    "))
+                    if turn.told and turn.wrong:
+                        console.print("    " + turn.told.replace("\n", "\n    "))
 
 
 if __name__ == "__main__":
