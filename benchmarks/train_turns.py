@@ -26,6 +26,7 @@ from benchmarks.reader.network import TorchReader, start_from
 from benchmarks.reader.rule import as_tensor, minimise
 from benchmarks.reader.training import SEED, SIZES, Training, arguments, cross_fit, write_reader
 from benchmarks.reader.turns import (
+    command_before,
     read_patterns,
     read_phrase_book,
     read_turns,
@@ -81,7 +82,8 @@ def cases_of(network: ReaderNetwork, turns: Sequence[Sentence]) -> list[Case]:
         if example is not None:
             prediction = network.predict_rows(example.rows, example.facts)
             reply = read_reply(one.label["command"])
-            spoken_of = parse(one.label.get("said", ""), revised=False).query.referent
+            before = command_before(one.label.get("said", ""))
+            spoken_of = before.referent if before is not None else None
             reading = parse(reply.rest or one.label["command"], antecedent=spoken_of, revised=False)
             cases.append(Case(one.label, prediction, own_act(reply, reading)))
     return cases

@@ -80,8 +80,7 @@ def _read_labels(path: Path) -> list[dict[str, Any]]:
 
 def _label(record: dict[str, Any]) -> dict[str, Any]:
     fields = (*TURN_CHOICES, "referent", "distance_m")
-    label = dict.fromkeys(fields) | {name: [] for name in _LISTS} | {"fields_known": True}
-    label |= record | {"command": record["say"]}
+    label = dict.fromkeys(fields) | {name: [] for name in _LISTS} | record | {"command": record["say"]}
     if label["act"] not in ACTS or label["state"] not in STATES:
         raise ValueError(f"expected a known act and state, got '{label['act']}', '{label['state']}'")
     referent = label["referent"]
@@ -100,7 +99,7 @@ def read_whole_commands() -> list[Sentence]:
         state = STATES[crc32(one.label["command"].encode()) % len(STATES)]
         ok = one.label["status"] == "ok"
         acts = {"act": "command", "act_alt": []} if ok else {"act": "remark", "act_alt": list(_OTHER_ACTS)}
-        label = one.label | acts | {"state": state, "shift": None, "fields_known": True}
+        label = one.label | acts | {"state": state, "shift": None}
         found.append(Sentence(label, f"whole {one.speaker}", one.weight * (_WHOLE if ok else _REJECTED)))
     return found
 
@@ -122,14 +121,13 @@ def read_patterns(seed: int) -> list[Sentence]:
             label = dict.fromkeys((*TURN_CHOICES, "referent")) | {name: [] for name in _LISTS}
             label |= {"act": act, "shift": kind if act == "shift" else None, "state": drawn.choice(STATES)}
             label |= {"command": " ".join(word for phrase in words for word in phrase), "shown": drawn.random() < 0.3}
-            label |= {"fields_known": True}
             found.append(Sentence(label, "patterns", _PATTERN))
     return found
 
 
 @cache
-def _command_before(said: str) -> Query | None:
-    """Return what the passenger said before; None where it is not known."""
+def command_before(said: str) -> Query | None:
+    """Return the query of what the passenger said before; None where it is not known."""
     return parse(said, revised=False).query if said else None
 
 
@@ -141,12 +139,12 @@ def turn_example(label: dict[str, Any]) -> Example | None:
         return None
     # What the patterns make of their own phrases is mostly hidden, so that the words are learnt.
     reply = read_reply(text) if label.get("shown", True) else Reply(rest=text)
-    rows, facts = turn_rows(tokens, label["state"], reply, _command_before(label.get("said", "")))
+    rows, facts = turn_rows(tokens, label["state"], reply, command_before(label.get("said", "")))
     right = {"act": [ACTS.index(one) for one in (label["act"], *label["act_alt"]) if one in ACTS]}
     acts = {label["act"], *label["act_alt"]}
     if "shift" in acts and label["shift"]:
         right["shift"] = [TURN_CHOICES["shift"].index(label["shift"])]
-    whole = label["fields_known"]
+    whole = label.get("fields_known", True)  # of some turns only the act is labelled
     trained = {
         **dict.fromkeys(("relation", "goal_side"), label["act"] in _OF_PLACES or bool(label["relation"])),
         **dict.fromkeys(("action", "direction"), label["act"] in _OF_ACTIONS and bool(label["action"])),

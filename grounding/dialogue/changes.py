@@ -187,12 +187,12 @@ def all_but(talk: Conversation, words: str, question: Answer) -> list[Candidate]
 def _modify(talk: Conversation, reading: Reading, request: Request) -> Answer:
     """Plan the last command with another relation, side or distance."""
     changed = merge_request(request, reading.query)
-    if names_pronoun(reading):  # "behind it, not in front": the other place is that of the same vehicle
-        kept = tuple(one for one in changed.query.excluded if one.relation is None)
-        changed = replace(changed, reading=replace(changed.reading, query=replace(changed.query, excluded=kept)))
-    if names_pronoun(reading) and talk.meant is not None:
-        changed = replace(changed, chosen=talk.meant)
-    changed = replace(changed, reading=replace(reading, query=changed.query, steps=(changed.query,)))
+    query, chosen = changed.query, changed.chosen
+    if names_pronoun(reading):
+        # "Behind it, not in front": the other place is that of the same vehicle.
+        query = replace(query, excluded=tuple(one for one in query.excluded if one.relation is None))
+        chosen = talk.meant or chosen
+    changed = replace(changed, chosen=chosen, reading=replace(reading, query=query, steps=(query,)))
     return talk.take(talk.state.with_request(changed))
 
 
@@ -214,11 +214,9 @@ def shift_last(talk: Conversation, text: str, shift: Shift) -> Answer:
 
 def move_elsewhere(talk: Conversation, text: str) -> Answer:
     """Move the goal in force to the nearest other place that will do, along our way."""
-    before = talk.state
     answers = []
     for distance_m in _ELSEWHERE_M:
         for direction in ("ahead", "back"):
-            talk.state = before
             answers.append(shift_last(talk, text, Shift(direction, distance_m)))
             if answers[-1].status == "ok":
                 return answers[-1]

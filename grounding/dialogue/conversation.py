@@ -13,7 +13,9 @@ from grounding.answering import Request, accept_proposal, answer_steps, requests
 from grounding.dialogue.memory import Memory
 from grounding.dialogue.telling import ask, said
 from grounding.language import Reading
-from grounding.query import Referent
+from grounding.language.reader.network import Prediction
+from grounding.language.reader.turns import State
+from grounding.query import Query, Referent
 from grounding.referent.resolver import Candidate
 from grounding.referent.scene import SceneModel
 
@@ -48,6 +50,8 @@ class Conversation:
         self.grounder = grounder
         self.state = Memory()
         self._read: dict[tuple[str, Referent | None, str, bool], tuple[Reading, ...]] = {}
+        # Predictions of words by state and last command: a part of a turn is first told apart, then answered.
+        self.predictions: dict[tuple[str, State, Query | None], Prediction | None] = {}
 
     # What words refer to --------------------------------------------------------------------------------------------
 
@@ -99,8 +103,9 @@ class Conversation:
         return self.state.request is None and self.state.question is None
 
     def begin_turn(self) -> None:
-        """Forget the readings of the turn before."""
+        """Forget the readings and predictions of the turn before."""
         self._read.clear()
+        self.predictions.clear()
 
     def readings(
         self, words: str, antecedent: Referent | None = None, verb: str = "", *, alone: bool = True

@@ -17,7 +17,7 @@ from grounding.language.replies import named_distance, read_reply
 
 _SENTENCE = re.compile(r"(?<=[.!?])\s+(?=\S)")
 _CLAUSE = re.compile(
-    r"(?<=[.!?])\s+(?=\S)|\s*[,;:]\s+|\s*\.\.+\s*|\s+-+\s+|\s+(?=(?:and|but|so|because|cause|cos|cuz)\s)",
+    rf"{_SENTENCE.pattern}|\s*[,;:]\s+|\s*\.\.+\s*|\s+-+\s+|\s+(?=(?:and|but|so|because|cause|cos|cuz)\s)",
     re.IGNORECASE,
 )
 # Least probability of an act that is certain, and of any act with an effect.

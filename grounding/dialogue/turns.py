@@ -22,10 +22,10 @@ from grounding.vocabulary import POSITIONS, Action, ShiftDirection
 # Least probability of an act that is taken, and of a qualifier.
 _SURE, _LEAST_QUALIFIER = 0.55, 0.5
 _LEAST = 1e-4
+# Least probability of an act where the grammar finds nothing, and acts that need no other word: they are not tried.
+_LIKELY, _BARE = 0.3, ("cancel", "drop", "yes", "no")
 # Least probability of a colour that is tried where no vehicle has the likeliest.
 _LEAST_COLOUR = 0.02
-# The same where the grammar finds nothing, but for acts that need no other word.
-_LIKELY, _BARE = 0.3, ("cancel", "drop", "yes", "no")
 # Acts that choose and change nothing: chat, and questions. A sentence that is one is left out beside others.
 ASIDES = ("remark", "pause", "why", "about", "seek", "seen", "count", "room", "heading", "repeat")
 # Acts that choose another vehicle or change its place.
@@ -214,9 +214,11 @@ class Turn:
 def predict_turn(talk: Conversation, text: str, reply: Reply) -> tuple[Sequence[Token], Prediction | None]:
     """Return the tokens of some words, and what the network predicts; None for no words."""
     tokens = tokenise(normalise(text), talk.grounder.lexicon)
-    command = talk.state.request.query if talk.state.request is not None else None
-    command = talk.state.request.query if talk.state.request is not None else None
-    return tokens, default_turn_reader().read(tokens, state_of(talk), reply, command)
+    state, command = state_of(talk), talk.state.request.query if talk.state.request is not None else None
+    key = text, state, command
+    if key not in talk.predictions:
+        talk.predictions[key] = default_turn_reader().read(tokens, state, reply, command)
+    return tokens, talk.predictions[key]
 
 
 def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
