@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,14 +11,18 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from grounding.language.evaluation import score_command
 from grounding.language.reader.fields import FIELDS, NONE
 from grounding.language.reader.network import Numbers, Prediction
 from grounding.language.reader.revision import (
     Evidence,
+    command_odds,
     field_value,
     qualifier_numbers,
+    reading_numbers,
     status_numbers,
     vote,
+    vote_on_all,
 )
 from grounding.query import Query
 
@@ -47,7 +51,20 @@ def fit_rule(cases: Sequence[Case]) -> dict[str, Numbers]:
     numbers = np.array([status_numbers(one.query, one.evidence, one.prediction) for one in cases])
     accepted = np.array([one.label["status"] == "ok" for one in cases])
     rule = {"status": _fit_logistic(numbers, accepted), "qualifier": _fit_qualifiers(cases)}
-    return rule | {field: _fit_field(field, [one for one in cases if one.both_accept]) for field in FIELDS}
+    rule |= {field: _fit_field(field, [one for one in cases if one.both_accept]) for field in FIELDS}
+    return rule | {"reading": _fit_reading(cases, rule)}
+
+
+def _fit_reading(cases: Sequence[Case], rule: Mapping[str, Numbers]) -> Numbers:
+    """Return the weights (3,) of the probability that a reading after the vote is right."""
+    numbers, right = [], []
+    for one in cases:
+        odds = command_odds(one.query, one.evidence, one.prediction, rule)
+        query = vote_on_all(one.query, odds, one.evidence, one.prediction, rule)[0]
+        if query.action is not None:
+            numbers.append(reading_numbers(query, odds, one.prediction))
+            right.append(score_command(one.label, query.to_dict()).core_correct)
+    return _fit_logistic(np.array(numbers), np.array(right))
 
 
 def _fit_qualifiers(cases: Sequence[Case]) -> Numbers:

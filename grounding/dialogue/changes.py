@@ -8,7 +8,7 @@ from dataclasses import replace
 from grounding.answer import Answer
 from grounding.answering import Request, without
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.descriptions import find_fitting, reading_of, widen
+from grounding.dialogue.descriptions import find_at_distance, find_beside, find_fitting, reading_of, widen
 from grounding.dialogue.fragments import (
     begins_with_place,
     complete,
@@ -23,9 +23,10 @@ from grounding.dialogue.telling import said
 from grounding.dialogue.turns import Turn
 from grounding.goal.shift import Shift
 from grounding.language import Reading
-from grounding.language.replies import Reply
+from grounding.language.replies import Reply, named_distance
 from grounding.language.revised_readings import evidence_of
 from grounding.query import Query, Referent
+from grounding.referent.predicates import to_referent
 from grounding.referent.resolver import Candidate, resolve
 from grounding.vocabulary import Action, ShiftDirection
 
@@ -47,6 +48,8 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
     state, request = talk.state, talk.state.request
     if request is None:
         return None
+    if turn is not None and (told := _told_apart(talk, reply, turn)):
+        return talk.narrow(told, replace(request, reading=said(request.reading, text)))
     base = request.query
     antecedent = talk.antecedent or (None if base.referent else Referent("vehicle", "one"))
     if turn is not None and turn.act in ("place", "describe") and turn.is_plain:
@@ -81,6 +84,23 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
     if reading is not None:
         return _modify(talk, said(reading, text), request)
     return None
+
+
+def _told_apart(talk: Conversation, reply: Reply, turn: Turn) -> list[Candidate]:
+    """Return the candidate of a question that is told by its distance or by a neighbour; none for other turns."""
+    question = talk.state.question
+    if question is None or len(question.candidates) < 2 or turn.act != "describe":
+        return []
+    distance_m = named_distance(reply.rest, talk.grounder.lexicon)
+    if distance_m is not None:
+        return find_at_distance(distance_m, question.candidates, talk.scene)
+    reading = read_description(reply.rest, talk.antecedent, talk.readings)
+    known = [one for one in reading.query.secondary if one.of == "referent"] if reading is not None else []
+    beside = [(to_referent(one), one.relation) for one in known]
+    if not beside and (named := turn.described(None)) and turn.relation != "none":
+        beside = [(named, turn.relation)]
+    found = (find_beside(*one, question.candidates, talk.scene) for one in beside)
+    return next(filter(None, found), [])
 
 
 def _place_of(
@@ -272,6 +292,17 @@ def replace_step(talk: Conversation, requests: Sequence[Request]) -> Answer | No
     if len(requests) != 1 or len(plan) < 2 or not same:
         return None
     return talk.take((*plan[: same[-1]], requests[0], *plan[same[-1] + 1 :]))
+
+
+def drop_step_at(talk: Conversation, text: str, named: Referent) -> Answer | None:
+    """Drop the only step at a vehicle: "skip the truck"; None if the plan has no such step, or no other."""
+    plan = talk.state.plan
+    found = resolve(Query("", referent=named), talk.scene)
+    ids = {one.item.id for one in found.candidates} if found.status != "not_found" else set[str]()
+    left = tuple(step for step in plan if not (step.chosen is not None and step.chosen.item.id in ids))
+    if not left or len(left) != len(plan) - 1:
+        return None
+    return talk.take(tuple(replace(one, reading=said(one.reading, text)) for one in left))
 
 
 def drop_steps(talk: Conversation, text: str, action: Action) -> Answer:

@@ -5,12 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from grounding.answering import Request, without
 from grounding.language import Reading
 from grounding.query import Query, Referent
 from grounding.referent.resolver import Candidate, resolve
 from grounding.referent.scene import SceneModel
 
+# A told distance is rounded, or remembered roughly.
+_LEAST_TOLERANCE_M, _TOLERANCE = 2.5, 0.1
+# Where "before" and "past" another vehicle are, along our way.
+_ALONG = {"before": -1, "past": 1}
+# Another candidate is this many times as far from a neighbour.
+_CLEARLY_NEARER = 1.3
 
 def reading_of(referent: Referent) -> Reading:
     """Return the partial reading of a description: it has the vehicle, and neither an action nor a place."""
@@ -35,6 +43,38 @@ def find_fitting(reading: Reading, candidates: Sequence[Candidate], scene: Scene
     if colour and not named and resolve(query, scene).status == "ok":
         return []  # another vehicle has that colour
     return named or fitting
+
+
+def find_at_distance(distance_m: float, candidates: Sequence[Candidate], scene: SceneModel) -> list[Candidate]:
+    """Return the candidates at a distance from us, as told in the question: "the fifteen metre one"."""
+    tolerance_m = max(_LEAST_TOLERANCE_M, _TOLERANCE * distance_m)
+    return [one for one in candidates if abs(one.item.distance_m(scene.ego) - distance_m) < tolerance_m]
+
+
+def find_beside(
+    neighbour: Referent, relation: str, candidates: Sequence[Candidate], scene: SceneModel
+) -> list[Candidate]:
+    """Return the candidate that lies beside another vehicle of the scene: "the one past the motorcycle".
+
+    Args:
+        neighbour: the other vehicle.
+        relation: where the candidate is from it; "before" and "past" count along our way, others by the distance.
+        candidates: the candidates.
+        scene: the scene.
+
+    Returns:
+        The candidate, or none if there is no such neighbour, or if several are about as near.
+    """
+    found = resolve(Query("", referent=neighbour), scene)
+    ids = {one.item.id for one in candidates}
+    if found.status != "ok" or not found.candidates or found.candidates[0].item.id in ids:
+        return []
+    other = found.candidates[0].item
+    sign = _ALONG.get(relation, 0)
+    on_side = [one for one in candidates if sign * (one.item.centre_m[0] - other.centre_m[0]) >= 0]
+    away = sorted((float(np.hypot(*(one.item.centre_m - other.centre_m))), i) for i, one in enumerate(on_side))
+    unclear = len(away) > 1 and away[1][0] < _CLEARLY_NEARER * away[0][0]
+    return [on_side[away[0][1]]] if away and not unclear else []
 
 
 def widen(reading: Reading, scene: SceneModel) -> Reading:

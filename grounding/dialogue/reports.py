@@ -121,7 +121,8 @@ def count(talk: Conversation, text: str, words: str, guess: Reading | None = Non
     talk.state = replace(talk.state, topic=sought)
     told = [describe_object(item, talk.scene) for item in here[:MAX_CANDIDATES]]
     more = [f"and {len(here) - len(told)} farther away"] if len(here) > len(told) else []
-    return aside(talk, text, f"{words.removeprefix('the ')}: {len(here)}", *told, *more)
+    phrase = words.removeprefix("the ") if reading is not None else named.phrase()
+    return aside(talk, text, f"{phrase}: {len(here)}", *told, *more)
 
 
 def tell_seen(talk: Conversation, text: str) -> Answer:

@@ -13,6 +13,7 @@ from grounding.dialogue.changes import (
     answer_fragment,
     change_distance,
     described_by,
+    drop_step_at,
     drop_steps,
     move_elsewhere,
     scale_distance,
@@ -52,6 +53,7 @@ from grounding.dialogue.turns import Turn, read_turn, state_of
 from grounding.goal.shift import Shift
 from grounding.language.reader.fields import NONE
 from grounding.language.replies import Reply, read_reply
+from grounding.language.revised_readings import evidence_of
 from grounding.vocabulary import POSITIONS, REFUSED
 
 # What replies without further words do.
@@ -109,6 +111,9 @@ def answer_sentence(talk: Conversation, text: str) -> Answer:
     if answer is None and guess is not None and guess.is_chat and plain:
         answer = _answer_likely(talk, text, reply, guess) or keep(talk, text)
     answer = answer or _answer(talk, text, reply, turn)
+    if guess is not None and not guess.is_likely_command and before.goal is not None and _names_no_place(answer):
+        talk.state = before
+        return _answer_likely(talk, text, reply, guess) or keep(talk, text)
     if guess is not None and not talk.is_opening and is_misunderstood(answer):
         after, talk.state = talk.state, before
         if likely := _answer_likely(talk, text, reply, guess):
@@ -127,9 +132,19 @@ def is_misunderstood(answer: Answer) -> bool:
     return answer.status != "ok" and not answer.plan.refused and bool(reading.problem or reading.dropped)
 
 
+def _names_no_place(answer: Answer) -> bool:
+    """Return whether a place was found for half understood words that name none: "I'll close my eyes a minute"."""
+    query = answer.query
+    named = query.referent or query.secondary or query.goal_side or query.road_side or query.direction
+    named = named or query.distance_m is not None or query.manoeuvre is not None
+    return answer.target is not None and not named and not evidence_of(answer.reading).whole
+
+
 def _answer_likely(talk: Conversation, text: str, reply: Reply, guess: Turn) -> Answer | None:
     """Answer a turn by its likeliest act that succeeds; None if none does."""
     before = talk.state
+    if guess.leaves_out and (dropped := drop_step_at(talk, text, guess.leaves_out)):
+        return dropped
     for act in guess.likely_acts:
         answer = _answer_turn(talk, text, reply, replace(guess, act=act))
         if answer is not None and (answer.status == "ok" or act == "remark"):
@@ -146,12 +161,16 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
             return tell_vehicle(talk, text)
         asked = "" if act == "about" else reply.rest or text  # "what colour is the van" describes none by itself
         return (count if act == "count" else look_for)(talk, text, asked, named)
+    if act == "count" and talk.antecedent is not None:
+        return count(talk, text, "")  # "how many are there?"
     if talk.is_opening:
         if act in ("describe", "place") and not reply.kinds and talk.readings(text)[0].problem:
             return ask_to_stop(talk, text, reply.rest)
         return _ACTS[act](talk, text) if act in _WITHOUT_COMMAND else None
     if _says_more(talk, reply, turn) or talk.read(reply.rest or text).query.manoeuvre in _OF_THE_GRAMMAR:
         return None
+    if turn.leaves_out and (dropped := drop_step_at(talk, text, turn.leaves_out)):
+        return dropped
     if act == "no" and "cancel" in reply.kinds:
         return cancel(talk, text)
     if turn.names_vehicle and (act in ("neither", "previous", "following") or turn.answers_by_description):

@@ -123,6 +123,12 @@ class Turn:
         return self.prediction.best(field)
 
     @property
+    def leaves_out(self) -> Referent | None:
+        """The vehicle whose step is given up, None for other turns: "skip the truck"."""
+        shares = self.prediction.choices["act"]
+        return self.described(None) if self.names_vehicle and shares["drop"] + shares["cancel"] >= _SURE else None
+
+    @property
     def shift(self) -> ShiftDirection:
         """The likeliest direction of a shift."""
         best = self.best("shift")

@@ -42,7 +42,8 @@ def plan_with_second_best(
         road: the road map of that scene.
         item: reference vehicle of the relation, None if the command names none.
     """
-    if item is None or plan.target is not None or plan.question or plan.search is None:
+    settled = plan.target is not None or plan.question or plan.search is None
+    if item is None or settled or query.relation == "between":  # beside one of two is not between them
         return with_nearest(plan)
     if query.action in _STOPPING and query.relation in _IN_LINE:
         stopped = _plan_in_our_lane(query, scene, road, item)

@@ -133,6 +133,7 @@ class _Analysis:
     def reading(self, query: Query, score: float, problem: ParseProblem | None = None) -> Reading:
         """Return the reading with a query of this analysis."""
         account = Account() if problem else self._account
+        doubtful = [*account.doubtful, *_opposites(self.way.corrections)]
         return Reading(
             query,
             score,
@@ -141,7 +142,8 @@ class _Analysis:
             problem,
             steps=_steps_of(query, self.built),
             dropped=account.dropped,
-            doubt=_compose_doubt([*account.doubtful, *_opposites(self.way.corrections)]) or self._doubt_noun(),
+            doubt=_compose_doubt(doubtful) or self._doubt_noun(),
+            doubts_strange=bool(doubtful) and doubtful == [*account.strange],
             corrections=self.way.corrections,
         )
 

@@ -23,6 +23,7 @@ class Reading:
         dropped: content words that the reading does not use, in order.
         doubt: question about dropped words without which the place may be the wrong one, to be asked before the
             reading is acted upon; '' if there is none.
+        doubts_strange: whether it doubts only words that no lexicon holds.
         corrections: words as written and as read, where they differ.
         revised: (field, value of the grammar, value now) of each field that the reader network changed.
     """
@@ -35,6 +36,7 @@ class Reading:
     steps: tuple[Query, ...] = ()
     dropped: tuple[str, ...] = ()
     doubt: str = ""
+    doubts_strange: bool = False
     corrections: tuple[tuple[str, str], ...] = ()
     revised: tuple[tuple[str, str, str], ...] = ()
 

@@ -9,14 +9,16 @@ from typing import Any
 from grounding.language.problems import ParseProblem
 from grounding.language.reader.reader import default_reader
 from grounding.language.reader.revision import Evidence, Revision
-from grounding.language.reader.word_classes import classes_of
 from grounding.language.reading import Reading
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import WordCategory
 from grounding.query import Query
+from grounding.vocabulary import REFUSED
 
-# Least probability at which the network's own reading is acted upon unasked, where the grammar finds no command.
-_SURE = 0.8
+# Least probability of a reading that is acted upon unasked: a wrong goal costs as much as two needless questions.
+_SURE = 0.5
+# The same where the grammar finds no command: a mere statement, or a reply, asks for nothing.
+_SURE_ALONE = 0.75
 _POLARITY = (WordCategory.NOT, WordCategory.EXCEPT, WordCategory.CORRECT)
 _MARKS = (WordCategory.COMMA, WordCategory.BREAK)
 
@@ -49,18 +51,37 @@ def revise_readings(readings: Sequence[Reading], tokens: Sequence[Token]) -> tup
     first = readings[0]
     if first.problem and first.problem.unreadable:
         return tuple(readings)
-    revision = default_reader().revise(first.query, evidence_of(first), tokens)
-    if not revision.changed:
+    evidence = evidence_of(first)
+    revision = default_reader().revise(first.query, evidence, tokens)
+    if revision is None:
         return tuple(readings)
-    if revision.query.action is None:
+    if revision.changed and revision.query.action is None:
         return (_rejected(first, revision),)
-    if first.problem:
-        return (_accepted(first, revision),)
     # Another attachment is kept if it says the same about all that has changed.
     changes = _differences(first.query, revision.query)
     before = {name: getattr(first.query, name) for name in changes}
     alike = [one for one in readings if all(getattr(one.query, name) == before[name] for name in changes)]
-    return tuple(_changed(one, changes, revision) for one in alike)
+    if first.problem:
+        revised = [_accepted(first, revision)] if revision.changed else []
+    else:
+        revised = [_changed(one, changes, revision) for one in alike] if revision.changed else list(readings)
+    return tuple(_asked(one, evidence, revision) for one in revised) or tuple(readings)
+
+
+def _asked(reading: Reading, evidence: Evidence, revision: Revision) -> Reading:
+    """Return a reading with the question whether it is meant, if it is likely enough to be wrong.
+
+    What the grammar understands whole is not doubted. Its own doubts are given up about words that it does not know,
+    unless they may be negated.
+    """
+    query = reading.query
+    if query.action == "other" and query.referent is None:
+        return replace(reading, doubt="")  # "put the hazards on" is answered, not asked about
+    if revision.sure >= (_SURE_ALONE if ("status", "reject", "ok") in revision.changed else _SURE):
+        settled = reading.doubts_strange and not evidence.contrary
+        return replace(reading, doubt="") if settled else reading
+    understood = query.manoeuvre in REFUSED or (evidence.whole and not revision.changed)
+    return reading if understood or reading.doubt else replace(reading, doubt=_question(query))
 
 
 def _rejected(reading: Reading, revision: Revision) -> Reading:
@@ -77,17 +98,12 @@ def _rejected(reading: Reading, revision: Revision) -> Reading:
 
 def _accepted(reading: Reading, revision: Revision) -> Reading:
     """Return the network's reading of a sentence that the grammar takes for no command."""
-    query = revision.query
-    # Negated commands are easily misread, and an unknown word may be the verb.
-    unknown = (token for token in reading.tokens if token.category is WordCategory.UNKNOWN)
-    strange = any(not classes_of(word) for token in unknown for word in token.text.split())
-    sure = revision.sure >= _SURE and not (strange or evidence_of(reading).contrary)
-    sure |= query.action == "other" and query.referent is None  # "put the hazards on" is answered, not asked about
     return Reading(
-        query,
+        revision.query,
         tokens=reading.tokens,
-        notes=(*reading.notes, f"read as '{_phrase(query)}'"),
-        doubt="" if sure else f"do you mean '{_phrase(query)}'?",
+        notes=(*reading.notes, f"read as '{_phrase(revision.query)}'"),
+        doubt=_question(revision.query),
+        doubts_strange=True,
         corrections=reading.corrections,
         revised=revision.changed,
     )
@@ -100,9 +116,7 @@ def _changed(reading: Reading, changes: dict[str, Any], revision: Revision) -> R
         for step in reading.steps
         if _is_main(step, reading.query) or _is_commanded(step, reading.query, query)
     )
-    guessed = reading.query.referent is None and query.referent is not None and evidence_of(reading).unknown > 0
-    doubt = f"do you mean '{_phrase(query)}'?" if guessed and revision.sure < _SURE else reading.doubt
-    return replace(reading, query=query, steps=steps, doubt=doubt, revised=revision.changed)
+    return replace(reading, query=query, steps=steps, revised=revision.changed)
 
 
 def _is_commanded(step: Query, before: Query, after: Query) -> bool:
@@ -118,6 +132,10 @@ def _is_main(step: Query, query: Query) -> bool:
 def _differences(before: Query, after: Query) -> dict[str, Any]:
     names = (one.name for one in fields(Query))
     return {name: getattr(after, name) for name in names if getattr(after, name) != getattr(before, name)}
+
+
+def _question(query: Query) -> str:
+    return f"do you mean '{_phrase(query)}'?"
 
 
 def _phrase(query: Query) -> str:

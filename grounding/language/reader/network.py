@@ -8,7 +8,6 @@ from different seeds, are averaged. `python -m benchmarks.train_reader` makes th
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grounding.language.reader.features import WordFacts, token_features, word_facts
-from grounding.language.reader.fields import ACTIONS, CHOICES, FIELDS, NONE, NOUNS, QUALIFIERS, TAGS
+from grounding.language.reader.fields import ACTIONS, CHOICES, NONE, NOUNS, QUALIFIERS, TAGS
 from grounding.language.syntax.tokenizer import Token
 
 # Floating-point numbers of any precision.
@@ -47,12 +46,6 @@ class Prediction:
         """Return the likeliest value of a field."""
         shares = self.choices[field]
         return max(shares, key=shares.__getitem__)
-
-    @property
-    def certainty(self) -> float:
-        """Probability that the likeliest values of all voted fields are right, if they are independent."""
-        chosen = [max(self.choices[field].values()) for field in FIELDS]
-        return math.prod((*chosen, *(max(one, 1 - one) for one in self.qualifiers.values())))
 
 
 class ReaderNetwork:

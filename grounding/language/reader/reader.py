@@ -24,7 +24,7 @@ from grounding.query import Query
 WEIGHTS_PATH = Path(__file__).parent / "data" / "reader.safetensors"
 _MOST_BYTES = 10_000_000
 _RULE = "rule."
-_RULE_SHAPES = {"status": (9,), "qualifier": (15,), **dict.fromkeys(FIELDS, (8,))}
+_RULE_SHAPES = {"status": (9,), "qualifier": (15,), "reading": (3,), **dict.fromkeys(FIELDS, (8,))}
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,8 @@ class Reader:
     network: ReaderNetwork
     rule: Mapping[str, Numbers]
 
-    def revise(self, query: Query, evidence: Evidence, tokens: Sequence[Token]) -> Revision:
-        """Return the grammar's query after the vote of the network; unchanged for a text that is too long for it.
+    def revise(self, query: Query, evidence: Evidence, tokens: Sequence[Token]) -> Revision | None:
+        """Return the grammar's query after the vote of the network; None for a text that is too long for it.
 
         Args:
             query: the grammar's query; without an action if it finds no command.
@@ -48,7 +48,7 @@ class Reader:
             tokens: tokens of the sentence, not yet tagged.
         """
         if not 0 < len(tokens) <= MAX_TOKENS:
-            return Revision(query, (), 0.0)
+            return None
         return revise(query, evidence, self.network.predict(tokens), self.rule)
 
 

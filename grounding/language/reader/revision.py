@@ -31,6 +31,8 @@ _CERTAIN = 0.9
 # Least log odds at which a sentence is a command that the grammar takes for none, and at which it remains one: the
 # weights are fitted on sentences of which seven in eight are commands.
 _LEAST_ODDS, _LEAST_ODDS_KEPT = 2.5, 1.0
+# Log odds of a command beyond which they tell no more of its reading.
+_MOST_ODDS = 6.0
 # Least probability of an action, beside the main one, that stays commanded: "two mins" is no wait, and "I'm walking
 # that way" is nothing to do.
 _LEAST_ACTION, _LEAST_OTHER = 0.05, 0.1
@@ -77,7 +79,7 @@ class Revision:
     Attributes:
         query: the query; its action is None if the sentence is no command.
         changed: (field, value of the grammar, value now) of the fields that were changed.
-        sure: probability 0..1 that the network sees in all of it.
+        sure: probability 0..1 that all of it is right.
     """
 
     query: Query
@@ -91,6 +93,11 @@ def status_numbers(query: Query, evidence: Evidence, prediction: Prediction) -> 
     accepted = query.action is not None
     numbers = evidence.numbers()
     return np.array([1.0, log_odds(choices["ok"]), accepted, *(numbers[1:] * accepted)])
+
+
+def command_odds(query: Query, evidence: Evidence, prediction: Prediction, rule: Mapping[str, Numbers]) -> float:
+    """Return the log odds that a sentence is a command; arguments as in `revise`."""
+    return float(status_numbers(query, evidence, prediction) @ rule["status"])
 
 
 def vote(own: str, evidence: Evidence, probabilities: Mapping[str, float], weights: Numbers) -> dict[str, float]:
@@ -107,6 +114,21 @@ def qualifier_numbers(said: bool, evidence: Evidence, probability: float) -> Num
     """Return the features (15,) of the vote on one qualifier; `said`: whether the grammar has it."""
     numbers = evidence.numbers()
     return np.array([log_odds(probability), *(numbers * said), *(numbers * (not said))])
+
+
+def reading_numbers(query: Query, odds: float, prediction: Prediction) -> Numbers:
+    """Return the features (3,) of the probability that a reading is right.
+
+    Args:
+        query: the query after the vote.
+        odds: log odds that it is a command.
+        prediction: the network's probabilities.
+    """
+    said = query.referent.qualifiers if query.referent else ()
+    shares = [prediction.choices[field].get(field_value(query, field), 0.0) for field in FIELDS]
+    shares += [share if one in said else 1 - share for one, share in prediction.qualifiers.items()]
+    together = math.exp(sum(math.log(share + _LEAST) for share in shares))
+    return np.array([1.0, log_odds(min(together, 1.0)), min(odds / _MOST_ODDS, 1.0)])
 
 
 def log_odds(probability: float) -> float:
@@ -127,22 +149,30 @@ def revise(query: Query, evidence: Evidence, prediction: Prediction, rule: Mappi
         query: the grammar's query; without an action if it finds no command.
         evidence: how well the grammar understood the sentence.
         prediction: the network's probabilities.
-        rule: weights of the votes: "status" (9,), "qualifier" (15,), and each field of `FIELDS` (8,).
+        rule: weights of the votes: "status" (9,), "qualifier" (15,), and each field of `FIELDS` (8,); of the reading:
+            "reading" (3,).
     """
-    odds = float(status_numbers(query, evidence, prediction) @ rule["status"])
-    sure = 1 / (1 + math.exp(-abs(odds)))
+    odds = command_odds(query, evidence, prediction, rule)
+    revised, changes = vote_on_all(query, odds, evidence, prediction, rule)
+    numbers = reading_numbers(revised, odds, prediction) @ rule["reading"] if revised.action else -odds
+    return Revision(revised, changes, 1 / (1 + math.exp(-numbers)))
+
+
+def vote_on_all(
+    query: Query, odds: float, evidence: Evidence, prediction: Prediction, rule: Mapping[str, Numbers]
+) -> tuple[Query, tuple[tuple[str, str, str], ...]]:
+    """Return the query after the vote, and what was changed; `odds`: log odds that it is a command."""
     if query.action is None:
         if odds < _LEAST_ODDS:
-            return Revision(query, (), sure)
-        certain = sure * prediction.certainty
-        return Revision(command_of(query.command, prediction), (("status", "reject", "ok"),), certain)
+            return query, ()
+        return command_of(query.command, prediction), (("status", "reject", "ok"),)
     if odds < _LEAST_ODDS_KEPT and query.manoeuvre not in REFUSED:
-        return Revision(Query(query.command), (("status", "ok", "reject"),), sure)
+        return Query(query.command), (("status", "ok", "reject"),)
     values = _vote_on_fields(query, evidence, prediction, rule)
     qualifiers = _vote_on_qualifiers(query, evidence, prediction, rule)
     revised = _with_values(query, values, qualifiers, prediction)
     revised = replace(revised, actions=_commanded(revised, prediction))
-    return Revision(revised, _changes(query, revised), sure * prediction.certainty)
+    return revised, _changes(query, revised)
 
 
 def _vote_on_fields(

@@ -67,10 +67,12 @@ class Account(NamedTuple):
     Attributes:
         dropped: the words as written, in order.
         doubtful: of these, those without which the place may be another one, or the opposite of the one meant.
+        strange: of these, those that no lexicon holds.
     """
 
     dropped: tuple[str, ...] = ()
     doubtful: tuple[str, ...] = ()
+    strange: tuple[str, ...] = ()
 
 
 def account_for(
@@ -104,7 +106,8 @@ def account_for(
     doubtful = [i for i in doubtful if i >= replaced or tokens[i].category in _POLARITY]
     doubtful += [i for i in range(len(tokens)) if _names_another(tokens, i)]
     dropped = sorted({*dropped, *doubtful})
-    return Account(*(tuple(dict.fromkeys(tokens[i].text for i in part)) for part in (dropped, doubtful)))
+    strange = [i for i in doubtful if tokens[i].category is WordCategory.UNKNOWN]
+    return Account(*(tuple(dict.fromkeys(tokens[i].text for i in part)) for part in (dropped, doubtful, strange)))
 
 
 def _said_twice(

@@ -19,6 +19,7 @@ QUERY = Query("park behind the red car", "park", ("park",), "behind", landmark="
 VOTE = np.array([1.0, 3.0, -1.8, 0, 0, 0, 0, 3.0])
 RULE = {
     "status": np.array([0.0, 1.0, 0, 0, 0, 0, 0, 0, 0]),
+    "reading": np.array([0.0, 1.0, 1.0]),
     "qualifier": np.array([1.0, 1.0, 0, 0, 0, 0, 0, 1.5, -1.0, 0, 0, 0, 0, 0, -1.5]),
     **dict.fromkeys(FIELDS, VOTE),
 }
