@@ -96,7 +96,7 @@ def _told_apart(talk: Conversation, reply: Reply, turn: Turn) -> list[Candidate]
         return find_at_distance(distance_m, question.candidates, talk.scene)
     reading = read_description(reply.rest, talk.antecedent, talk.readings)
     known = [one for one in reading.query.secondary if one.of == "referent"] if reading is not None else []
-    beside = [(to_referent(one), one.relation) for one in known]
+    beside: list[tuple[Referent, str]] = [(to_referent(one), one.relation) for one in known]
     if not beside and (named := turn.described(None)) and turn.relation != "none":
         beside = [(named, turn.relation)]
     found = (find_beside(*one, question.candidates, talk.scene) for one in beside)

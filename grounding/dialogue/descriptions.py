@@ -20,6 +20,7 @@ _ALONG = {"before": -1, "past": 1}
 # Another candidate is this many times as far from a neighbour.
 _CLEARLY_NEARER = 1.3
 
+
 def reading_of(referent: Referent) -> Reading:
     """Return the partial reading of a description: it has the vehicle, and neither an action nor a place."""
     query = Query("", referent=referent)

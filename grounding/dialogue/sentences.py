@@ -135,9 +135,9 @@ def is_misunderstood(answer: Answer) -> bool:
 def _names_no_place(answer: Answer) -> bool:
     """Return whether a place was found for half understood words that name none: "I'll close my eyes a minute"."""
     query = answer.query
-    named = query.referent or query.secondary or query.goal_side or query.road_side or query.direction
-    named = named or query.distance_m is not None or query.manoeuvre is not None
-    return answer.target is not None and not named and not evidence_of(answer.reading).whole
+    named = (query.referent, query.goal_side, query.road_side, query.direction, query.distance_m, query.manoeuvre)
+    placed = query.secondary or any(one is not None for one in named)
+    return answer.target is not None and not placed and not evidence_of(answer.reading).whole
 
 
 def _answer_likely(talk: Conversation, text: str, reply: Reply, guess: Turn) -> Answer | None:

@@ -199,7 +199,11 @@ def plan_place(
     turned = query.road_side == "opposite" and start is not None and np.cos(start.heading_rad) < 0
     query = query.on_side(-road.traffic_side if turned else road.traffic_side)
     limits = PlaceLimits.of(query, road.traffic_side)
-    if item is not None and (query.action == "overtake" or _drives_away(query, item)) and _comes_towards_us(item, road):
+    if (
+        item is not None
+        and (query.action == "overtake" or _drives_away(query, item))
+        and _comes_towards_us(item, road)
+    ):
         cannot = "there is nothing to overtake" if query.action == "overtake" else "no place beside it stays"
         reason = f"it comes towards us at {item.speed_mps:.0f} m/s: {cannot}"
         return GoalPlan(None, (reason,), question=_LET_PASS, instead="give_way", refused=True)

@@ -17,8 +17,9 @@ from grounding.vocabulary import REFUSED
 
 # Least probability of a reading that is acted upon unasked: a wrong goal costs as much as two needless questions.
 _SURE = 0.5
-# The same where the grammar finds no command: a mere statement, or a reply, asks for nothing.
-_SURE_ALONE = 0.75
+# The same where the grammar finds no command (a mere statement asks for nothing), and where an unknown word may be
+# the verb or the vehicle.
+_SURE_ALONE, _SURE_GUESSED = 0.7, 0.8
 _POLARITY = (WordCategory.NOT, WordCategory.EXCEPT, WordCategory.CORRECT)
 _MARKS = (WordCategory.COMMA, WordCategory.BREAK)
 
@@ -65,11 +66,13 @@ def revise_readings(readings: Sequence[Reading], tokens: Sequence[Token]) -> tup
         revised = [_accepted(first, revision)] if revision.changed else []
     else:
         revised = [_changed(one, changes, revision) for one in alike] if revision.changed else list(readings)
-    return tuple(_asked(one, evidence, revision) for one in revised) or tuple(readings)
+    new = bool(first.problem) or (first.query.referent is None and revision.query.referent is not None)
+    needed = _SURE_GUESSED if new and evidence.unknown else _SURE_ALONE if first.problem else _SURE
+    return tuple(_asked(one, evidence, revision, needed) for one in revised) or tuple(readings)
 
 
-def _asked(reading: Reading, evidence: Evidence, revision: Revision) -> Reading:
-    """Return a reading with the question whether it is meant, if it is likely enough to be wrong.
+def _asked(reading: Reading, evidence: Evidence, revision: Revision, needed: float) -> Reading:
+    """Return a reading with the question whether it is meant, if its probability is less than is needed.
 
     What the grammar understands whole is not doubted. Its own doubts are given up about words that it does not know,
     unless they may be negated.
@@ -77,7 +80,7 @@ def _asked(reading: Reading, evidence: Evidence, revision: Revision) -> Reading:
     query = reading.query
     if query.action == "other" and query.referent is None:
         return replace(reading, doubt="")  # "put the hazards on" is answered, not asked about
-    if revision.sure >= (_SURE_ALONE if ("status", "reject", "ok") in revision.changed else _SURE):
+    if revision.sure >= needed:
         settled = reading.doubts_strange and not evidence.contrary
         return replace(reading, doubt="") if settled else reading
     understood = query.manoeuvre in REFUSED or (evidence.whole and not revision.changed)

@@ -8,15 +8,13 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from appocc.checks import BoolArray, FloatArray
 from grounding.query import Landmark, LandmarkRelation, Query, Referent
 from grounding.referent.clarification import compose_question, describe_differences, describe_one
 from grounding.referent.class_fit import KNOWN_NOUNS, PERSON_NOUNS, VEHICLE_NOUNS
 from grounding.referent.doubts import question_about
 from grounding.referent.fuzzy import gaussian
-from grounding.referent.object_table import ObjectTable
 from grounding.referent.ordinals import find_ordinals
-from grounding.referent.predicates import in_own_lane, is_standing, to_referent
+from grounding.referent.predicates import to_referent
 from grounding.referent.priors import includes_behind, is_behind
 from grounding.referent.scene import SceneModel
 from grounding.referent.scoring import ReferentScores, note_unmapped, score_objects
@@ -26,9 +24,6 @@ from grounding.scene_object import SceneObject
 MAX_CANDIDATES = 6
 # Candidates whose log scores differ by less than this are a tie.
 _TIE_MARGIN = np.log(1.5)
-# The same of those that stand in one row ahead of us, this near: for a passenger the nearer one is hardly likelier.
-_ROW_MARGIN, _ROW_LATERAL_M, _ROW_WITHIN_M, _ROW_VISIBLE = np.log(5), 2.5, 50.0, 0.3
-_ROW_FIT = 0.9
 # Share of the fit of the best one in the words that one in a tie has at least.
 _TIE_FIT = 0.5
 # Least probability of the object that an ordinal counts to.
@@ -107,7 +102,9 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
     if find_ordinals(referent.qualifiers) and scores.probability[choices[0].row] < _LEAST_ORDINAL_PROBABILITY:
         too_few = _explain_too_few(referent, num_matches)
         return Resolution("not_found", _candidates(choices[:limit], scene, scores), (too_few, *scores.notes))
-    tied = _tied(choices, scores.fit, scene.table)
+    fit = scores.fit
+    least_fit = _TIE_FIT * fit[choices[0].row]  # a nearer van is no car like a farther car
+    tied = [one for one in choices if one.score > choices[0].score - _TIE_MARGIN and fit[one.row] >= least_fit]
     if len(tied) > 1 and referent.definite:
         listed = _without_chains(tied)
         return _ambiguous(referent, _candidates(listed[:limit], scene, scores), len(tied), scene, scores)
@@ -122,28 +119,6 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
         reasons.insert(0, f"no people are known here: '{referent.phrase()}' tells where")
     reasons += _explain_nearer_behind(referent, choices[0].row, scores, scene)
     return Resolution("ok", candidates, (*reasons, *scores.notes))
-
-
-def _tied(choices: Sequence[_Choice], fit: FloatArray, table: ObjectTable) -> list[_Choice]:
-    """Return the choices, best first, between which the words and the scene do not decide; `fit` (N,) in all words."""
-    best = choices[0]
-    alike = [one for one in choices if fit[one.row] >= _TIE_FIT * fit[best.row]]  # a near van is no car like a far car
-    in_row = _rows_with(best.row, table) & (fit >= _ROW_FIT * fit[best.row])
-    return [
-        one
-        for one in alike
-        if best.score - one.score < (_ROW_MARGIN if one.partner < 0 and in_row[one.row] else _TIE_MARGIN)
-    ]
-
-
-def _rows_with(row: int, table: ObjectTable) -> BoolArray:
-    """Return whether objects (N,) stand in one row with that of a row of the table, ahead of us."""
-    stands = is_standing(table) > 0.5
-    near = (table.along_m > 0) & (table.along_m < _ROW_WITHIN_M) & (table.visible_share > _ROW_VISIBLE)
-    beside = np.abs(table.lateral_m - table.lateral_m[row]) < _ROW_LATERAL_M
-    lane = in_own_lane(table) > 0.5  # "the car ahead" of a queue is the first one
-    result: BoolArray = stands & near & beside & ~lane
-    return result & result[row]
 
 
 def with_partner(chosen: Candidate, query: Query, scene: SceneModel) -> Candidate:

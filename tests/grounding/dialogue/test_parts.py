@@ -148,3 +148,38 @@ def test_between_two_that_are_named_by_colour(text: str) -> None:
     assert query.referent is not None
     assert (query.relation, query.referent.colour) == ("between", "red")
     assert [(part.colour, part.relation) for part in query.secondary] == [("black", "between")]
+
+
+def test_a_candidate_is_told_by_its_distance_or_by_a_neighbour() -> None:
+    street = Street().car("a", 14, -5, WHITE).car("blue", 20, 5, BLUE).car("b", 28, -5, WHITE)
+    for text in ("the one at twenty eight metres", "the one past the blue car"):
+        session = street.grounder().session()
+        assert session.say("park behind the white car").status == "ambiguous"
+        assert referent(session.say(text)) == "b", text
+
+
+def test_a_step_is_left_out_by_its_vehicle() -> None:
+    street = (
+        Street()
+        .car("a", 14, -5, RED)
+        .car("truck", 30, -5, BLUE, size_wlh_m=(2.4, 7.5, 3.2), category="vehicle.truck")
+    )
+    session = street.grounder().session()
+    session.say("park behind the red car")
+    assert len(session.say("and then when we're done there go to the big truck").steps) == 2
+    answer = session.say("actually skip the truck it looks mean")
+    assert (len(answer.steps), referent(answer)) == (1, "a"), answer.text()
+
+
+def test_half_understood_words_that_name_no_place_keep_the_goal() -> None:
+    session = row()
+    goal = session.say("park behind the red car").target
+    session.say("lovely. I'll close my eyes a minute")
+    assert session.goal is not None
+    assert session.goal.target is goal
+
+
+def test_how_many_there_are_is_told_while_the_question_is_open() -> None:
+    session = Street().car("a", 18, -3, WHITE).car("b", 30, -3, WHITE).grounder().session()
+    assert session.say("park behind the white car").status == "ambiguous"
+    assert "white car: 2" in session.say("he didn't say which how many are there").text()

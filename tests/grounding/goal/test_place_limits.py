@@ -77,8 +77,12 @@ def test_to_stop_behind_a_vehicle_that_drives_before_us_is_to_follow_it_until_it
     made = plan_in(Street().car("car", 30, 0, RED, speed_mps=7), make_query("stop", "behind"))
     assert has_reason(made, "we follow it until it stands")
     assert target_of(made).ego_m[0] < 30 - LENGTHWISE_M - 10
+
+
+def test_to_stop_beside_a_vehicle_that_comes_towards_us_is_refused() -> None:
     oncoming = Street().car("car", 30, 3, RED, yaw_rad=np.pi, speed_mps=7)
-    assert "follow" in plan_in(oncoming, make_query("stop", "behind")).question
+    made = plan_in(oncoming, make_query("stop", "behind"))
+    assert (made.refused, made.question) == (True, "it comes towards us: shall we let it pass?")
 
 
 @pytest.mark.parametrize(

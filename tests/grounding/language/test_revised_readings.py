@@ -82,7 +82,7 @@ def test_other_attachments_change_alike_or_go(script: Callable[..., Scripted]) -
     ("text", "sure", "asked"),
     [
         ("my legs would be happy with that van over there", 0.9, False),
-        ("my legs would be happy with that van over there", 0.5, True),
+        ("my legs would be happy with that van over there", 0.6, True),
         ("my legs would be happy with that van over there, not the bus", 0.9, True),
     ],
 )

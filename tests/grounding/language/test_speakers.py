@@ -251,10 +251,18 @@ KEPT = {
 }
 
 
+# Read right, but no more likely so than wrong.
+ASKED = (
+    "The lorry on the right... no, left. Park behind it.",
+    "Go around the left, not the right, of the truck",
+    "Take me round the back of the supermarket",
+)
+
+
 @pytest.mark.parametrize(("text", "expected"), (COMMANDS | KEPT).items())
 def test_classes_of_sentences(text: str, expected: str) -> None:
     assert parse_summary(text) == expected
-    assert parse(text).doubt == ""
+    assert bool(parse(text).doubt) == (text in ASKED)
 
 
 @pytest.mark.parametrize("text", EVERYDAY)
