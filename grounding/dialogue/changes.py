@@ -22,7 +22,7 @@ from grounding.dialogue.reports import ask_again, cancel, inform
 from grounding.dialogue.telling import said
 from grounding.dialogue.turns import Turn
 from grounding.goal.shift import Shift
-from grounding.language import Reading
+from grounding.language import Reading, WordCategory
 from grounding.language.replies import Reply, named_distance
 from grounding.language.revised_readings import evidence_of
 from grounding.query import Query, Referent
@@ -295,8 +295,13 @@ def replace_step(talk: Conversation, requests: Sequence[Request]) -> Answer | No
 
 
 def drop_step_at(talk: Conversation, text: str, named: Referent) -> Answer | None:
-    """Drop the only step at a vehicle: "skip the truck"; None if the plan has no such step, or no other."""
+    """Drop the only step at a vehicle: "skip the truck"; None if the plan has no such step, or no other.
+
+    None too if several vehicles are named, of which one is kept: "forget the van, just the red car".
+    """
     plan = talk.state.plan
+    if sum(token.category is WordCategory.NOUN for token in talk.read(text).tokens) > 1:
+        return None
     found = resolve(Query("", referent=named), talk.scene)
     ids = {one.item.id for one in found.candidates} if found.status != "not_found" else set[str]()
     left = tuple(step for step in plan if not (step.chosen is not None and step.chosen.item.id in ids))

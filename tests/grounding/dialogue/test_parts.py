@@ -183,3 +183,12 @@ def test_how_many_there_are_is_told_while_the_question_is_open() -> None:
     session = Street().car("a", 18, -3, WHITE).car("b", 30, -3, WHITE).grounder().session()
     assert session.say("park behind the white car").status == "ambiguous"
     assert "white car: 2" in session.say("he didn't say which how many are there").text()
+
+
+def test_of_two_vehicles_named_no_step_is_left_out_by_its_vehicle() -> None:
+    session = row()
+    session.say("park behind the red car")
+    session.say("and then stop behind the green car")
+    answer = session.say("forget the red car, just the green car")
+    assert not any(step.referent and step.referent.item.id == "a" for step in answer.steps[1:]), answer.text()
+    assert "c" in {step.referent.item.id for step in answer.steps if step.referent}, answer.text()
