@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -22,8 +23,8 @@ from grounding.referent.scene import SceneModel
 if TYPE_CHECKING:
     from grounding.grounder import Grounder
 
-# Vehicles fit alike if their log scores differ by less, as by their places alone.
-_ALIKE = 2.5
+# Vehicles fit alike if their log scores differ by less, as by their places alone, and the words fit this share as well.
+_ALIKE, _ALIKE_FIT = 2.5, 0.5
 
 
 def _without_given_up(steps: Sequence[Request]) -> tuple[Request, ...]:
@@ -92,7 +93,12 @@ class Conversation:
 
         A definite description refers to what is known to both: "back to the red one".
         """
-        alike = [one for one in candidates if one.score > candidates[0].score - _ALIKE]
+        fit = [math.prod(one.fits.values()) for one in candidates]  # a red car is not like a green one
+        alike = [
+            one
+            for one, fits in zip(candidates, fit, strict=True)
+            if one.score > candidates[0].score - _ALIKE and fits > _ALIKE_FIT * fit[0]
+        ]
         ids = {step.chosen.item.id for plan in self.state.earlier for step in plan if step.chosen is not None}
         known = [one for one in alike if one.item.id in ids]
         return known[0] if len(alike) > 1 and len(known) == 1 else None
