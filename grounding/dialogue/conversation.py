@@ -23,7 +23,7 @@ from grounding.referent.scene import SceneModel
 if TYPE_CHECKING:
     from grounding.grounder import Grounder
 
-# Vehicles fit alike if their log scores differ by less, as by their places alone, and the words fit this share as well.
+# Vehicles fit alike if their log scores differ by less, as by their places alone, and the words fit by this share.
 _ALIKE, _ALIKE_FIT = 2.5, 0.5
 
 
