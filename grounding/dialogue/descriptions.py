@@ -58,13 +58,13 @@ def find_beside(
     """Return the candidate that lies beside another vehicle of the scene: "the one past the motorcycle".
 
     Args:
-        neighbour: the other vehicle.
-        relation: where the candidate is from it; "before" and "past" count along our way, others by the distance.
+        neighbour: description of the other vehicle.
+        relation: relation of the candidate to it; "before" and "past" are along our way, else the nearest counts.
         candidates: the candidates.
         scene: the scene.
 
     Returns:
-        The candidate, or none if there is no such neighbour, or if several are about as near.
+        The candidate; none without such a neighbour, or if two candidates are about equally near to it.
     """
     found = resolve(Query("", referent=neighbour), scene)
     ids = {one.item.id for one in candidates}
