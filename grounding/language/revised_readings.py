@@ -58,10 +58,10 @@ def revise_readings(readings: Sequence[Reading], tokens: Sequence[Token]) -> tup
         return tuple(readings)
     if revision.changed and revision.query.action is None:
         return (_rejected(first, revision),)
-    # Another attachment is kept if it says the same about all that has changed.
+    # Another attachment is kept if it says the same about all that has changed, and about what is to be done.
     changes = _differences(first.query, revision.query)
-    before = {name: getattr(first.query, name) for name in changes}
-    alike = [one for one in readings if all(getattr(one.query, name) == before[name] for name in changes)]
+    before = {name: getattr(first.query, name) for name in ("action", *changes)}
+    alike = [one for one in readings if all(getattr(one.query, name) == value for name, value in before.items())]
     if first.problem:
         revised = [_accepted(first, revision)] if revision.changed else []
     else:

@@ -31,6 +31,7 @@ NASTY = (
     "( [ { , , , . . . ! ? ; " * 60,
     "behind in front of next to " * 70,
     "it one there them him her that " * 60,
+    "AVOI0AA0AAN0BIDE",  # spellings that attach "van" in several ways, with other main actions
 )
 TEXTS = st.one_of(
     st.text(max_size=120),
