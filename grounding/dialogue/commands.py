@@ -48,7 +48,7 @@ def answer_command(
     state, grounder = talk.state, talk.grounder
     readings = talk.readings(words, talk.antecedent, alone=talk.is_opening and words == text)
     if not is_understood(readings[0]) and not names_pronoun(readings[0]):
-        alone = talk.readings(words)  # with the vote of the reader, which reads sentences that stand alone
+        alone = talk.readings(words)  # with the network, which reads sentences that stand alone
         readings = readings if alone[0].problem else alone
     if turn is not None:
         readings = (turn.as_command(readings[0]), *readings[1:])

@@ -1,4 +1,4 @@
-"""Readings of the grammar after the reader network has voted on them."""
+"""Readings of the grammar as the reader network revises them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from grounding.vocabulary import REFUSED
 # Least probability of a reading that is acted upon unasked: a wrong goal costs as much as two needless questions.
 _SURE = 0.5
 # The same where the grammar finds no command (a mere statement asks for nothing), and where an unknown word may be
-# the verb or the vehicle.
+# the verb or the vehicle, or a negation may be read as its opposite.
 _SURE_ALONE, _SURE_GUESSED = 0.7, 0.8
 _POLARITY = (WordCategory.NOT, WordCategory.EXCEPT, WordCategory.CORRECT)
 _MARKS = (WordCategory.COMMA, WordCategory.BREAK)
@@ -34,9 +34,9 @@ def evidence_of(reading: Reading) -> Evidence:
 
 
 def _stops_doing(token: Token, following: Token) -> bool:
-    """Return whether two words forbid something: "stop overtaking"."""
+    """Return whether two words forbid something: "stop overtaking", "avoid parking"."""
     verbs = token.category is following.category is WordCategory.VERB
-    return verbs and token.value in ("stop", "none") and following.form == "ing"
+    return verbs and token.value in ("stop", "none", "avoid") and following.form == "ing"
 
 
 def revise_readings(readings: Sequence[Reading], tokens: Sequence[Token]) -> tuple[Reading, ...]:
@@ -67,7 +67,8 @@ def revise_readings(readings: Sequence[Reading], tokens: Sequence[Token]) -> tup
     else:
         revised = [_changed(one, changes, revision) for one in alike] if revision.changed else list(readings)
     new = bool(first.problem) or (first.query.referent is None and revision.query.referent is not None)
-    needed = _SURE_GUESSED if new and evidence.unknown else _SURE_ALONE if first.problem else _SURE
+    doubtful = evidence.unknown if new else evidence.contrary and "action" in changes
+    needed = _SURE_GUESSED if doubtful else _SURE_ALONE if first.problem else _SURE
     return tuple(_asked(one, evidence, revision, needed) for one in revised) or tuple(readings)
 
 
@@ -143,6 +144,8 @@ def _question(query: Query) -> str:
 
 def _phrase(query: Query) -> str:
     """Return a query in short words: "park behind the red van"."""
+    if query.action == "other":
+        return "carry on as before"
     action = (query.action or "").replace("_", " ")
     relation = "" if query.relation == "none" else query.relation.replace("_", " ")
     vehicle = f"the {query.referent.phrase()}" if query.referent else ""

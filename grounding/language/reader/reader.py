@@ -15,7 +15,7 @@ from appocc.errors import DataError
 from appocc.files import read_file
 from appocc.typing import PathLike
 from grounding.language.reader.features import TABLE_ROWS
-from grounding.language.reader.fields import CHOICES, FIELDS, NOUNS, TAGS
+from grounding.language.reader.fields import CHOICES, NOUNS, TAGS
 from grounding.language.reader.network import MAX_TOKENS, Numbers, ReaderNetwork
 from grounding.language.reader.revision import Evidence, Revision, revise
 from grounding.language.syntax.tokenizer import Token
@@ -24,7 +24,7 @@ from grounding.query import Query
 WEIGHTS_PATH = Path(__file__).parent / "data" / "reader.safetensors"
 _MOST_BYTES = 10_000_000
 _RULE = "rule."
-_RULE_SHAPES = {"status": (9,), "qualifier": (15,), "reading": (3,), **dict.fromkeys(FIELDS, (8,))}
+_RULE_SHAPES = {"status": (9,), "reading": (3,)}
 
 
 @dataclass(frozen=True)

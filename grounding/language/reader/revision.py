@@ -1,8 +1,9 @@
-"""Revision of the grammar's reading of a sentence by the reader network, field by field.
+"""Revision of the grammar's reading of a sentence by the reader network.
 
-Grammar and network vote: the score of a value is the network's log probability, times a weight, plus the grammar's
-vote if it is its own value. The vote of the grammar is less where it left words out, corrected words or doubts them.
-The weights are learnt by `python -m benchmarks.train_reader` on speakers that the network did not see.
+Of the grammar's reading and the network's own, the one that the network takes for likelier is kept; the grammar's
+gains where it understood the words. Whether a sentence is a command is voted on. The weights of that vote, and of the
+probability that a reading is right, are learnt by `python -m benchmarks.train_reader` on speakers that the network
+did not see.
 """
 
 from __future__ import annotations
@@ -21,13 +22,9 @@ from grounding.vocabulary import REFUSED, Action
 
 # Least probability of a value that counts.
 _LEAST = 1e-4
-# What the grammar's vote gains where it understood every word (nats; a field, a qualifier that it has): it keeps to
-# the rules of the labelled files, of which the authors of the sentences knew little.
-_TRUST, _TRUST_QUALIFIER = 3.0, 1.5
-# Least probability of the class of a vehicle that the grammar does not find.
-_LEAST_GUESS = 0.5
-# Probability above which the network may change "mind the van" to another action.
-_CERTAIN = 0.9
+# What the grammar's reading gains (nats) where it understood every word, and where it left words out but doubts none:
+# it keeps to the rules of the labelled files, of which the authors of the sentences knew little.
+_TRUST_WHOLE, _TRUST = 2.5, 1.0
 # Least log odds at which a sentence is a command that the grammar takes for none, and at which it remains one: the
 # weights are fitted on sentences of which seven in eight are commands.
 _LEAST_ODDS, _LEAST_ODDS_KEPT = 2.5, 1.0
@@ -36,10 +33,10 @@ _MOST_ODDS = 6.0
 # Least probability of an action, beside the main one, that stays commanded: "two mins" is no wait, and "I'm walking
 # that way" is nothing to do.
 _LEAST_ACTION, _LEAST_OTHER = 0.05, 0.1
+# Probability of the grammar's main action above which it remains the main one.
+_COMMANDED = 0.5
 # Most words of a sentence whose vehicle without a class ("the white one") is found in the scene.
 _SHORT = 6
-# Actions that may stand for what a sentence forbids: "don't overtake it" is `other`.
-_FORBIDDING = ("other", "wait", "slow_down", "give_way")
 
 
 class Evidence(NamedTuple):
@@ -100,22 +97,6 @@ def command_odds(query: Query, evidence: Evidence, prediction: Prediction, rule:
     return float(status_numbers(query, evidence, prediction) @ rule["status"])
 
 
-def vote(own: str, evidence: Evidence, probabilities: Mapping[str, float], weights: Numbers) -> dict[str, float]:
-    """Return value -> score of one field; weights (8,): of the network's log probability, of the evidence."""
-    bonus = max(float(evidence.numbers() @ weights[1:]), 0.0)  # what both say is never doubted
-    values = {**dict.fromkeys([own], 0.0), **probabilities}
-    return {
-        value: float(weights[0]) * math.log(share + _LEAST) + (bonus if value == own else 0.0)
-        for value, share in values.items()
-    }
-
-
-def qualifier_numbers(said: bool, evidence: Evidence, probability: float) -> Numbers:
-    """Return the features (15,) of the vote on one qualifier; `said`: whether the grammar has it."""
-    numbers = evidence.numbers()
-    return np.array([log_odds(probability), *(numbers * said), *(numbers * (not said))])
-
-
 def reading_numbers(query: Query, odds: float, prediction: Prediction) -> Numbers:
     """Return the features (3,) of the probability that a reading is right.
 
@@ -124,11 +105,16 @@ def reading_numbers(query: Query, odds: float, prediction: Prediction) -> Number
         odds: log odds that it is a command.
         prediction: the network's probabilities.
     """
+    together = math.exp(log_probability(query, prediction))
+    return np.array([1.0, log_odds(min(together, 1.0)), min(odds / _MOST_ODDS, 1.0)])
+
+
+def log_probability(query: Query, prediction: Prediction) -> float:
+    """Return the log of the network's probability of the fields and qualifiers of a command together."""
     said = query.referent.qualifiers if query.referent else ()
     shares = [prediction.choices[field].get(field_value(query, field), 0.0) for field in FIELDS]
     shares += [share if one in said else 1 - share for one, share in prediction.qualifiers.items()]
-    together = math.exp(sum(math.log(share + _LEAST) for share in shares))
-    return np.array([1.0, log_odds(min(together, 1.0)), min(odds / _MOST_ODDS, 1.0)])
+    return sum(math.log(share + _LEAST) for share in shares)
 
 
 def log_odds(probability: float) -> float:
@@ -149,68 +135,55 @@ def revise(query: Query, evidence: Evidence, prediction: Prediction, rule: Mappi
         query: the grammar's query; without an action if it finds no command.
         evidence: how well the grammar understood the sentence.
         prediction: the network's probabilities.
-        rule: weights of the votes: "status" (9,), "qualifier" (15,), and each field of `FIELDS` (8,); of the reading:
-            "reading" (3,).
+        rule: weights of the vote whether it is a command, "status" (9,), and of the probability that a reading is
+            right, "reading" (3,).
     """
     odds = command_odds(query, evidence, prediction, rule)
-    revised, changes = vote_on_all(query, odds, evidence, prediction, rule)
+    revised, changes = choose(query, odds, evidence, prediction)
     numbers = reading_numbers(revised, odds, prediction) @ rule["reading"] if revised.action else -odds
     return Revision(revised, changes, 1 / (1 + math.exp(-numbers)))
 
 
-def vote_on_all(
-    query: Query, odds: float, evidence: Evidence, prediction: Prediction, rule: Mapping[str, Numbers]
+def choose(
+    query: Query, odds: float, evidence: Evidence, prediction: Prediction
 ) -> tuple[Query, tuple[tuple[str, str, str], ...]]:
-    """Return the query after the vote, and what was changed; `odds`: log odds that it is a command."""
+    """Return the likelier reading, and what it changes in the grammar's; `odds`: log odds that it is a command."""
     if query.action is None:
         if odds < _LEAST_ODDS:
             return query, ()
         return command_of(query.command, prediction), (("status", "reject", "ok"),)
     if odds < _LEAST_ODDS_KEPT and query.manoeuvre not in REFUSED:
         return Query(query.command), (("status", "ok", "reject"),)
-    values = _vote_on_fields(query, evidence, prediction, rule)
-    qualifiers = _vote_on_qualifiers(query, evidence, prediction, rule)
-    revised = _with_values(query, values, qualifiers, prediction)
+    other = _by_network(query, evidence, prediction)
+    gain = log_probability(query, prediction) - log_probability(other, prediction)
+    revised = query if gain >= -_trust(evidence) else other
     revised = replace(revised, actions=_commanded(revised, prediction))
     return revised, _changes(query, revised)
 
 
-def _vote_on_fields(
-    query: Query, evidence: Evidence, prediction: Prediction, rule: Mapping[str, Numbers]
-) -> dict[str, str]:
-    """Return the value of each field after the vote."""
-    values = {}
-    for field in FIELDS:
-        own = field_value(query, field)
-        shares = prediction.choices[field]
-        scores = vote(own, evidence, shares, rule[field])
-        scores[own] += _TRUST * evidence.whole
-        best = max(scores, key=scores.__getitem__)
-        certain = shares.get(best, 0.0) > _CERTAIN
-        values[field] = own if _may_be_opposite(field, own, best, evidence, certain) else best
-    if values["action"] in query.actions and query.action is not None:
-        values["action"] = query.action  # both are commanded: which one takes the vehicle is the grammar's
+def _trust(evidence: Evidence) -> float:
+    """Return what the grammar's reading gains; a negation that it understands whole may never become its opposite."""
+    if evidence.whole:
+        return math.inf if evidence.contrary else _TRUST_WHOLE
+    return 0.0 if evidence.doubtful else _TRUST
+
+
+def _by_network(query: Query, evidence: Evidence, prediction: Prediction) -> Query:
+    """Return the grammar's query with the values of the network."""
+    values = {field: prediction.best(field) for field in FIELDS}
+    main = query.action
+    if main is not None and (values["action"] in query.actions or prediction.actions[main] > _COMMANDED):
+        values["action"] = main  # both are commanded: which one takes the vehicle is the grammar's
     # "The white one": the scene tells which vehicle that is. "That one": no word names a class.
     by_scene = query.sought is not None and not evidence.dropped and evidence.words <= _SHORT
     nameless = query.unresolved and not (prediction.head or evidence.dropped or evidence.unknown)
-    guessed = query.referent is None and prediction.choices["noun"].get(values["noun"], 0.0) < _LEAST_GUESS
-    if by_scene or nameless or guessed:
+    if by_scene or nameless:
         values["noun"] = NONE
-    return values
+    return _with_values(query, values, _likely_qualifiers(prediction), prediction)
 
 
-def _vote_on_qualifiers(
-    query: Query, evidence: Evidence, prediction: Prediction, rule: Mapping[str, Numbers]
-) -> tuple[str, ...]:
-    """Return the qualifiers of the vehicle after the vote."""
-    said = query.referent.qualifiers if query.referent else ()
-    return tuple(
-        one
-        for one, probability in prediction.qualifiers.items()
-        if qualifier_numbers(one in said, evidence, probability) @ rule["qualifier"]
-        > (-_TRUST_QUALIFIER * evidence.whole if one in said else 0.0)
-        and (one in said or not evidence.contrary)  # "not parked on the right"
-    )
+def _likely_qualifiers(prediction: Prediction) -> tuple[str, ...]:
+    return tuple(one for one, probability in prediction.qualifiers.items() if probability > 0.5)
 
 
 def _commanded(query: Query, prediction: Prediction) -> tuple[Action, ...]:
@@ -223,13 +196,6 @@ def _commanded(query: Query, prediction: Prediction) -> tuple[Action, ...]:
     )
 
 
-def _may_be_opposite(field: str, own: str, other: str, evidence: Evidence, certain: bool) -> bool:
-    """Return whether another value, which may be all but certain, might turn a sentence into its opposite."""
-    if field == "action":
-        return (own == "avoid" and not certain) or (evidence.contrary and (own in _FORBIDDING or other == "other"))
-    return field == "direction" and evidence.contrary
-
-
 def query_of(command: str, prediction: Prediction) -> Query:
     """Return the network's own query, without an action if it takes the sentence for no command."""
     if prediction.best("status") == "reject":
@@ -240,9 +206,8 @@ def query_of(command: str, prediction: Prediction) -> Query:
 def command_of(command: str, prediction: Prediction) -> Query:
     """Return the network's reading of a command."""
     values = {field: prediction.best(field) for field in FIELDS}
-    qualifiers = tuple(one for one, probability in prediction.qualifiers.items() if probability > 0.5)
     action: Any = values["action"]
-    return _with_values(Query(command, action, (action,)), values, qualifiers, prediction)
+    return _with_values(Query(command, action, (action,)), values, _likely_qualifiers(prediction), prediction)
 
 
 def _with_values(

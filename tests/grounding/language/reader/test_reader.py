@@ -58,7 +58,7 @@ def test_damaged_weights_are_reported(weights: Path) -> None:
         load_reader(weights)
     for name, array, reason in (
         ("table", good["table"][:, 1:], r"table: expected shape \(2, 8192, 64\)"),
-        ("rule.action", good["rule.action"][1:], r"rule.action: expected shape \(8,\)"),
+        ("rule.status", good["rule.status"][1:], r"rule.status: expected shape \(9,\)"),
         ("point.bias", good["point.bias"] * np.float16(np.nan), "point.bias: expected finite numbers"),
     ):
         save_file({**good, name: array}, weights)
