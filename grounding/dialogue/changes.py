@@ -310,6 +310,16 @@ def drop_step_at(talk: Conversation, text: str, named: Referent) -> Answer | Non
     return talk.take(tuple(replace(one, reading=said(one.reading, text)) for one in left))
 
 
+def drop_step_number(talk: Conversation, text: str, number: int | None) -> Answer | None:
+    """Drop a step by its number, -1 for the last: "leave the second part out"; None without such a step."""
+    plan = talk.state.plan
+    at = len(plan) if number == -1 else number or 0
+    if len(plan) < 2 or not 1 <= at <= len(plan):
+        return None
+    left = (*plan[: at - 1], *plan[at:])
+    return talk.take(tuple(replace(one, reading=said(one.reading, text)) for one in left))
+
+
 def drop_steps(talk: Conversation, text: str, action: Action) -> Answer:
     """Drop the steps of an action: "never mind the overtaking"."""
     plan = talk.state.plan

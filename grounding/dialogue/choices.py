@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from grounding.dialogue.descriptions import find_fitting, reading_of, without_qu
 from grounding.dialogue.reports import ask_again, cancel, inform, keep, not_understood
 from grounding.dialogue.telling import said
 from grounding.query import Referent
-from grounding.referent.resolver import resolve
+from grounding.referent.resolver import Candidate, resolve
 from grounding.road.lane_model import LANE_M
 
 
@@ -97,19 +98,23 @@ def choose_offered(talk: Conversation, text: str, index: int) -> Answer:
 
 
 def choose_middle(talk: Conversation, text: str) -> Answer:
-    """Take the middle one of the candidates along our way; of all that fit, if an even number was offered."""
+    """Take the middle one of the candidates along our way; of all that fit, if the offered have no middle."""
     request, question = talk.state.request, talk.state.question
     goal = talk.state.goal
     offered = question.candidates if question is not None else goal.candidates if goal is not None else ()
     if request is None or not offered:
         return ask_again(talk, text)
-    if len(offered) % 2 == 0 and request.query.referent is not None:
-        any_of = replace(request.query.referent, definite=False)
+    if _has_no_middle(offered) and request.query.referent is not None:
+        any_of = replace(request.query.referent, qualifiers=(), definite=False)
         offered = resolve(replace(request.query, referent=any_of), talk.scene).candidates
-    if len(offered) % 2 == 0:
+    if _has_no_middle(offered):
         return ask_again(talk, text)
     row = sorted(offered, key=lambda one: float(talk.scene.lanes.project(one.item.centre_m[None])[0][0]))
     return talk.choose(row[len(row) // 2], request, text)
+
+
+def _has_no_middle(row: Sequence[Candidate]) -> bool:
+    return len(row) % 2 == 0 or len(row) < 3
 
 
 def take_next(talk: Conversation, text: str, sign: float) -> Answer:

@@ -20,7 +20,7 @@ _PHRASES = ("follow {}", "follow the {}", "follow the one {}", "follow the one o
 # Ways to complete a fragment to a place: "behind" is behind the vehicle that was spoken of.
 _PLACES = ("{}", "{} it", "{} of it")
 # Marks between the parts of a sentence, and words that begin a reason.
-_MARK = re.compile(r"[,.;!?]|\b(?:if|as|because|since|so)\b")
+_MARK = re.compile(r"[,.;!?]|\b(?:if|as|because|'?cause|cos|coz|cuz|since|so)\b")
 # Verb class of each action, to complete a fragment with a relation or a side; of the others it is the action.
 _VERBS = {
     "follow": "stay",

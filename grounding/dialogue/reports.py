@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 from grounding.answer import Answer
@@ -10,10 +11,11 @@ from grounding.answering import requests_of
 from grounding.describe import describe_object
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import complete, names_pronoun, read_description
-from grounding.dialogue.telling import describe_goal, said
+from grounding.dialogue.telling import ask, describe_goal, said
 from grounding.language import Reading
 from grounding.query import Query
 from grounding.referent.resolver import MAX_CANDIDATES, find_all, resolve
+from grounding.scene_object import SceneObject
 
 # What may be asked for in "which cars do you see?"; without one of them, it is about all vehicles.
 _SEEN = ("cars", "vans", "trucks", "lorries", "buses", "motorbikes", "bikes", "people", "pedestrians")
@@ -121,8 +123,21 @@ def count(talk: Conversation, text: str, words: str, guess: Reading | None = Non
     talk.state = replace(talk.state, topic=sought)
     told = [describe_object(item, talk.scene) for item in here[:MAX_CANDIDATES]]
     more = [f"and {len(here) - len(told)} farther away"] if len(here) > len(told) else []
-    phrase = words.removeprefix("the ") if reading is not None else named.phrase()
-    return aside(talk, text, f"{phrase}: {len(here)}", *told, *more)
+    _offer_all(talk, here)
+    return aside(talk, text, f"{len(here)} fit '{sought.phrase()}'", *told, *more)
+
+
+def _offer_all(talk: Conversation, counted: Sequence[SceneObject]) -> None:
+    """Ask about all that were counted, if the open question is about some of them: "the last one" is theirs then."""
+    question, request = talk.state.question, talk.state.request
+    offered = {one.item.id for one in question.candidates} if question is not None else set[str]()
+    ids = {item.id for item in counted}
+    if request is None or request.query.referent is None or not offered or not offered < ids:
+        return
+    any_of = replace(request.query, referent=replace(request.query.referent, definite=False))
+    every = [one for one in resolve(any_of, talk.scene).candidates if one.item.id in ids]
+    if len(every) > len(offered):
+        talk.settle(talk.state.asked, ask(every, request.reading, talk.scene))
 
 
 def tell_seen(talk: Conversation, text: str) -> Answer:

@@ -14,6 +14,7 @@ from grounding.dialogue.changes import (
     change_distance,
     described_by,
     drop_step_at,
+    drop_step_number,
     drop_steps,
     move_elsewhere,
     scale_distance,
@@ -49,6 +50,7 @@ from grounding.dialogue.reports import (
     tell_seen,
     tell_vehicle,
 )
+from grounding.dialogue.telling import said
 from grounding.dialogue.turns import Turn, read_turn, state_of
 from grounding.goal.shift import Shift
 from grounding.language.reader.fields import NONE
@@ -167,8 +169,16 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
         if act in ("describe", "place") and not reply.kinds and talk.readings(text)[0].problem:
             return ask_to_stop(talk, text, reply.rest)
         return _ACTS[act](talk, text) if act in _WITHOUT_COMMAND else None
+    if (
+        state.question is not None
+        and state.request is not None
+        and (left := all_but(talk, reply.rest, state.question))
+    ):
+        return talk.narrow(left, replace(state.request, reading=said(state.request.reading, text)))
     if _says_more(talk, reply, turn) or talk.read(reply.rest or text).query.manoeuvre in _OF_THE_GRAMMAR:
         return None
+    if act == "drop" and (dropped := drop_step_number(talk, text, turn.number)):
+        return dropped
     if turn.leaves_out and (dropped := drop_step_at(talk, text, turn.leaves_out)):
         return dropped
     if act == "no" and "cancel" in reply.kinds:
@@ -203,8 +213,7 @@ def _says_more(talk: Conversation, reply: Reply, turn: Turn) -> bool:
         return "meant" in reply.kinds and bool(reply.rest) and not turn.is_certain  # "oh wait, I meant right"
     if act == "other" or (act in ("shift", "more", "less") and reply.leading_shift):
         return _names_place_only(talk, reply.rest)  # "the other van. In front of it", "a bit before it"
-    question = talk.state.question
-    return question is not None and bool(all_but(talk, reply.rest, question))  # "not the near one"
+    return False
 
 
 def _answer_number(talk: Conversation, text: str, reply: Reply, number: int | None) -> Answer | None:
@@ -213,7 +222,7 @@ def _answer_number(talk: Conversation, text: str, reply: Reply, number: int | No
         return None
     question = talk.state.question
     listed = question is not None and len(question.alternatives or question.candidates) > 1
-    if ((listed and number > 0) or not reply.rest) and not reply.rest.startswith("not "):
+    if (listed and number > 0) or not reply.rest:
         return choose_number(talk, text, number)
     word = next((name for name, position in POSITIONS.items() if position == number), "last" if number < 0 else "")
     return answer_fragment(talk, text, replace(reply, rest=f"the {word} one")) if word else None
@@ -235,6 +244,8 @@ def _answer_reply(talk: Conversation, text: str, reply: Reply) -> Answer | None:
     if not reply.rest:
         if last in ("room", "seek"):
             return tell_room(talk, text, text)  # "will we fit?", "is there?" after "if there's space"
+        if last == "count" and talk.antecedent is not None:
+            return count(talk, text, "")  # "how many are there?"
         return _ACTS[last](talk, text) if last in _ACTS else None
     if last == "why":
         return tell_reasons(talk, text)

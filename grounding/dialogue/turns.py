@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, get_args
 
 from grounding.dialogue.conversation import Conversation
@@ -48,6 +49,8 @@ _DETAILED = {"yes": ("command", "number"), "no": ("number",), "remark": ("comman
 _MEASURED, _FEW_WORDS = ("more", "less", "shift"), 6
 # Least probability of all acts that do something.
 _LEAST_DOING = 0.25
+# Numbers as a recogniser of speech may write them, in a turn that is one.
+_HEARD_NUMBERS = {"won": 1, "too": 2, "to": 2, "for": 4, "fore": 4, "ate": 8}
 # Kinds of the patterns of replies that have another name as acts.
 ACTS_OF_KINDS = {"thanks": "remark", "former": "number", "latter": "number"} | dict.fromkeys(SHIFTS, "shift")
 
@@ -63,6 +66,7 @@ class Turn:
         number: number or ordinal that it names, -1 for the last; None without one.
         distance_m: distance that it names; None without one.
         needed: probability that an act needs to be believed against the grammar.
+        rules_out: whether it does without what it describes: "no trailer".
     """
 
     act: str
@@ -71,6 +75,7 @@ class Turn:
     number: int | None = None
     distance_m: float | None = None
     needed: float = 0.0
+    rules_out: bool = False
 
     @property
     def is_sure(self) -> bool:
@@ -126,7 +131,8 @@ class Turn:
     def leaves_out(self) -> Referent | None:
         """The vehicle whose step is given up, None for other turns: "skip the truck"."""
         shares = self.prediction.choices["act"]
-        return self.described(None) if self.names_vehicle and shares["drop"] + shares["cancel"] >= _SURE else None
+        leaves = self.rules_out or shares["drop"] + shares["cancel"] >= _SURE
+        return self.described(None) if self.names_vehicle and leaves else None
 
     @property
     def shift(self) -> ShiftDirection:
@@ -250,6 +256,8 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     if act == "place" and own[0] == "command" and reading.query.relation == prediction.best("relation") != NONE:
         return None  # "wait behind it then" is another action too
     number, distance_m = reply.number or _number(tokens), named_distance(text, talk.grounder.lexicon)
+    if number is None and act == "number":
+        number = next((_HEARD_NUMBERS[one.text] for one in tokens if one.text in _HEARD_NUMBERS), None)
     counted = any(one.category is WordCategory.NUMBER for one in tokens) and len(tokens) <= _FEW_WORDS
     if distance_m is None and act in _MEASURED and counted:
         distance_m = number and float(number)  # "three more": metres
@@ -257,7 +265,7 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     # To drop the only step is to drop all.
     drops_all = act == "cancel" and len(talk.state.plan) == 1
     sure = scores[act] + (scores["drop"] if drops_all else 0.0)
-    return Turn(act, sure, prediction, number, distance_m, needed)
+    return Turn(act, sure, prediction, number, distance_m, needed, _rules_out(tokens))
 
 
 def _least_probability(talk: Conversation, reply: Reply, reading: Reading, act: str, own: tuple[str, int]) -> float:
@@ -321,6 +329,15 @@ def vote_on_act(shares: Mapping[str, float], own: tuple[str, int], weights: Numb
     top = max(scores.values())
     total = sum(math.exp(one - top) for one in scores.values())
     return {name: math.exp(one - top) / total for name, one in scores.items()}
+
+
+def _rules_out(tokens: Sequence[Token]) -> bool:
+    """Return whether a turn does without what it describes: "no trailer", "without the van"; not "no, the van"."""
+    named = (WordCategory.NOUN, WordCategory.COLOUR)
+    return any(
+        one.category is WordCategory.NOT and (one.text == "without" or after.category in named)
+        for one, after in pairwise(tokens)
+    )
 
 
 def _number(tokens: Sequence[Token]) -> int | None:

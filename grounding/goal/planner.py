@@ -48,6 +48,8 @@ _TURN_ROUND_RAD, _LITTLE_M = np.radians(150), 0.5
 # Where only one limit stands against the best place, that is asked.
 _FOLLOW = "it does not stand still: shall we follow it?"
 _LET_PASS = "it comes towards us: shall we let it pass?"
+# Relations of a place that has to stay where the vehicle is.
+_BESIDE = ("next_to", "left_of", "right_of")
 _QUESTIONS = {
     BEHIND_US: "there is no such place ahead of us: shall we go back to the one behind us?",
     TURNED: "it stands on the other side of the road: shall we turn round here?",
@@ -201,7 +203,7 @@ def plan_place(
     limits = PlaceLimits.of(query, road.traffic_side)
     if (
         item is not None
-        and (query.action == "overtake" or _drives_away(query, item))
+        and (query.action == "overtake" or query.relation in _BESIDE or _drives_away(query, item))
         and _comes_towards_us(item, road)
     ):
         cannot = "there is nothing to overtake" if query.action == "overtake" else "no place beside it stays"

@@ -19,7 +19,7 @@ from grounding.vocabulary import REFUSED
 _SURE = 0.5
 # The same where the grammar finds no command (a mere statement asks for nothing), and where an unknown word may be
 # the verb or the vehicle, or a negation may be read as its opposite.
-_SURE_ALONE, _SURE_GUESSED = 0.7, 0.8
+_SURE_ALONE, _SURE_GUESSED = 0.75, 0.8
 _POLARITY = (WordCategory.NOT, WordCategory.EXCEPT, WordCategory.CORRECT)
 _MARKS = (WordCategory.COMMA, WordCategory.BREAK)
 

@@ -24,7 +24,7 @@ from grounding.vocabulary import REFUSED, Action
 _LEAST = 1e-4
 # What the grammar's reading gains (nats) where it understood every word, and where it left words out but doubts none:
 # it keeps to the rules of the labelled files, of which the authors of the sentences knew little.
-_TRUST_WHOLE, _TRUST = 2.5, 1.0
+_TRUST_WHOLE, _TRUST = 3.5, 1.0
 # Least log odds at which a sentence is a command that the grammar takes for none, and at which it remains one: the
 # weights are fitted on sentences of which seven in eight are commands.
 _LEAST_ODDS, _LEAST_ODDS_KEPT = 2.5, 1.0

@@ -313,7 +313,7 @@ def test_a_vehicle_described_by_its_neighbour() -> None:
 def test_questions_about_the_scene_change_nothing() -> None:
     session = two_whites()
     goal = session.say("stop behind the red car").target
-    assert session.say("how many white cars are there?").reasons[0] == "white cars: 2"
+    assert session.say("how many white cars are there?").reasons[0] == "2 fit 'white cars'"
     assert "red" in session.say("what colour is it?").reasons[0]
     assert session.say("is there room in front of it?").reasons[0] == "yes"
     assert session.goal is not None
@@ -330,7 +330,7 @@ def test_what_is_seen_is_listed_nearest_first(said: str) -> None:
     answer = session.say(said)
     assert (answer.status, answer.target) == ("ok", None), "no plan is repeated"
     told = [float(reason.split(" m ")[0].split()[-1]) for reason in answer.reasons[1:]]
-    assert answer.reasons[0].endswith(f": {len(told)}")
+    assert answer.reasons[0].startswith(f"{len(told)} fit ")
     assert told == sorted(told)
     assert session.goal is not None
     assert session.goal.target is goal

@@ -83,6 +83,33 @@ def test_the_middle_one_of_all_that_fit(text: str) -> None:
     assert referent(session.say(text)) == "b"
 
 
+@pytest.mark.parametrize("count", [3, 5])
+def test_the_middle_one_after_another_one(count: int) -> None:
+    street = Street()
+    for i in range(count):
+        street.car("abcde"[i], 8 + 8 * i, -5, WHITE)
+    session = street.grounder().session()
+    session.say("park behind the third white car")
+    assert referent(session.say("it's the middle one, sorry")) == "abcde"[count // 2]
+
+
+def test_the_last_one_of_all_that_were_counted() -> None:
+    street = Street().car("a", 8, -5, WHITE).car("b", 18, -5, WHITE).car("c", 36, -5, WHITE)
+    session = street.grounder().session()
+    assert len(session.say("park behind the white car").candidates) == 2
+    session.say("how many are there?")
+    answer = session.say("try the last of them")
+    assert (answer.status, referent(answer)) == ("ok", "c"), answer.text()
+
+
+@pytest.mark.parametrize("text", ["not the first one cause hers has stickers", "number too"])
+def test_the_other_one_of_two(text: str) -> None:
+    session = row(colours=(WHITE, WHITE))
+    session.say("park behind the white car")
+    answer = session.say(text)
+    assert (answer.status, referent(answer)) == ("ok", "b"), answer.text()
+
+
 def test_back_to_the_first_one_after_its_distance_was_changed() -> None:
     session = row()
     session.say("park behind the red car")
@@ -158,7 +185,14 @@ def test_a_candidate_is_told_by_its_distance_or_by_a_neighbour() -> None:
         assert referent(session.say(text)) == "b", text
 
 
-def test_a_step_is_left_out_by_its_vehicle() -> None:
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("actually skip the truck it looks mean", "leave the second part out", "forget the second stop"),
+        *("no truck", "eh, without the blue one"),
+    ],
+)
+def test_a_step_is_left_out_by_its_vehicle_or_its_number(text: str) -> None:
     street = (
         Street()
         .car("a", 14, -5, RED)
@@ -167,7 +201,7 @@ def test_a_step_is_left_out_by_its_vehicle() -> None:
     session = street.grounder().session()
     session.say("park behind the red car")
     assert len(session.say("and then when we're done there go to the big truck").steps) == 2
-    answer = session.say("actually skip the truck it looks mean")
+    answer = session.say(text)
     assert (len(answer.steps), referent(answer)) == (1, "a"), answer.text()
 
 
@@ -182,7 +216,7 @@ def test_half_understood_words_that_name_no_place_keep_the_goal() -> None:
 def test_how_many_there_are_is_told_while_the_question_is_open() -> None:
     session = Street().car("a", 18, -3, WHITE).car("b", 30, -3, WHITE).grounder().session()
     assert session.say("park behind the white car").status == "ambiguous"
-    assert "white car: 2" in session.say("he didn't say which how many are there").text()
+    assert "2 fit 'white car'" in session.say("he didn't say which how many are there").text()
 
 
 def test_of_two_vehicles_named_no_step_is_left_out_by_its_vehicle() -> None:

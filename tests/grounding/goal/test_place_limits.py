@@ -81,8 +81,9 @@ def test_to_stop_behind_a_vehicle_that_drives_before_us_is_to_follow_it_until_it
 
 def test_to_stop_beside_a_vehicle_that_comes_towards_us_is_refused() -> None:
     oncoming = Street().car("car", 30, 3, RED, yaw_rad=np.pi, speed_mps=7)
-    made = plan_in(oncoming, make_query("stop", "behind"))
-    assert (made.refused, made.question) == (True, "it comes towards us: shall we let it pass?")
+    for action, relation in (("stop", "behind"), ("approach", "next_to")):
+        made = plan_in(oncoming, make_query(action, relation))
+        assert (made.refused, made.question) == (True, "it comes towards us: shall we let it pass?")
 
 
 @pytest.mark.parametrize(
