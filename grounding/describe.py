@@ -44,7 +44,7 @@ def describe_motion(item: SceneObject) -> str:
 def describe_object(item: SceneObject, scene: SceneModel) -> str:
     """Describe an object by colour, class, distance, side and motion, and whether it faces the ego."""
     colour = scene.colour_name(item)
-    named = f"{colour} {item.common_name}" if colour else item.common_name
+    named = item.coloured_name(colour or "")
     if colour is None and not is_person_or_bicycle(item.category):
         named = f"{named} of unknown colour"
     where = f"{named} {item.distance_m(scene.ego):.0f} m away", describe_side(item, scene.ego)

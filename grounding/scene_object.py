@@ -105,6 +105,12 @@ class SceneObject:
         tall = self.height_m is not None and self.height_m >= _VAN_HEIGHT_M
         return "van" if tall and self.class_name == "car" else self.class_name
 
+    def coloured_name(self, colour: str) -> str:
+        """Return its noun with a colour, '' for none: "red car", "person in red"."""
+        if colour and self.class_name == "person":
+            return f"{self.common_name} in {colour}"
+        return f"{colour} {self.common_name}".strip()
+
     @property
     def class_name(self) -> str:
         """The class as a plain noun."""

@@ -94,7 +94,7 @@ def _describe(
 ) -> str:
     """Describe an object by its distinctive traits; `full`: with colour and class in any case."""
     colour = own["colour"] if full or "colour" in distinctive else ""
-    head = f"the {colour} {item.common_name}" if full or distinctive & {"colour", "class"} else "the one"
+    head = f"the {item.coloured_name(colour)}" if full or distinctive & {"colour", "class"} else "the one"
     place = " ".join(own[trait] for trait in ("side", "behind", "lane") if trait in distinctive)
     where = "" if "behind" in distinctive else " ahead" if item.centre_m[0] - ego.centre_m > _BEHIND_M else " away"
     parts = [" ".join(f"{head} {place}".split()), *([own["motion"]] if "motion" in distinctive else [])]

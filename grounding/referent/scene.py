@@ -214,13 +214,19 @@ def _is_ego(item: SceneObject, ego: EgoVehicle) -> bool:
 
 
 def _from_boxes(bev: BEVMap | None, boxes: Boxes) -> list[SceneObject]:
-    """Convert annotated vehicles, people and bicycles; colours come from the map only."""
+    """Convert annotated vehicles, people and bicycles.
+
+    Colours come from the map only; those of people and bicycles from cells that no vehicle covers.
+    """
     centres, colours = np.zeros((0, 2)), np.zeros((0, 3))
     if bev is not None:
         known = bev.on[VEHICLE] & bev.appearance_valid
         centres, colours = bev.grid.centres()[known], np.moveaxis(bev.appearance, 0, -1)[known].astype(np.float64)
     objects = []
-    for i, category in enumerate(boxes.category):
+    free = np.ones(len(centres), np.bool_)
+    vehicles_first = sorted(range(len(boxes)), key=lambda i: not is_vehicle(boxes.category[i]))
+    for i in vehicles_first:
+        category = boxes.category[i]
         if not (is_vehicle(category) or is_person_or_bicycle(category)):
             continue
         width, length, height = (float(size) for size in boxes.size_wlh_m[i])
@@ -236,7 +242,10 @@ def _from_boxes(bev: BEVMap | None, boxes: Boxes) -> list[SceneObject]:
             height_m=height,
             velocity_mps=velocity if np.isfinite(velocity).all() else None,
         )
-        own = colours[bare.covers(centres)] if is_vehicle(category) else colours[:0]
+        covered = bare.covers(centres)
+        if is_vehicle(category):
+            free &= ~covered
+        own = colours[covered if is_vehicle(category) else covered & free]
         objects.append(replace(bare, rgb=np.median(own, axis=0)) if len(own) else bare)
     return objects
 

@@ -10,7 +10,7 @@ from street import BLUE, EGO, RED, WHITE, WORLD_FROM_EGO, Street
 from appocc.boxes import Boxes
 from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
-from grounding.describe import describe_motion
+from grounding.describe import describe_motion, describe_object
 from grounding.referent.scene import SceneModel, SceneObject, scene_from_boxes, scene_from_tracks
 from tracking.detections import Detections
 from tracking.tracker import Tracker
@@ -258,9 +258,19 @@ def test_people_and_bicycles_are_separate_from_vehicles() -> None:
     scene = street.car("bike", 9, 4, category="vehicle.bicycle", size_wlh_m=(0.6, 1.7, 1.5)).car("car", 15, 0).scene()
     assert [item.id for item in scene.objects] == ["car"]
     assert [item.id for item in scene.others] == ["walker", "bike"]
-    assert [item.rgb for item in scene.others] == [None, None]
     assert scene.table.class_names == ("car", "person", "bicycle")
     assert scene.table.is_vehicle.tolist() == [True, False, False]
+
+
+def test_people_have_a_colour_where_the_map_has_one_for_them_and_no_vehicle_is() -> None:
+    person = {"category": "human.pedestrian.adult", "size_wlh_m": (0.6, 0.6, 1.8)}
+    street = Street().car("car", 15, 0, RED).car("walker", 5, 5, BLUE, **person)  # type: ignore[arg-type]
+    street.car("leaning", 15, 0.8, RED, **person)  # type: ignore[arg-type]
+    scene = street.scene()
+    colours = {item.id: scene.colour_name(item) for item in scene.others}
+    assert colours == {"walker": "blue", "leaning": None}
+    walker = next(item for item in scene.others if item.id == "walker")
+    assert describe_object(walker, scene).startswith("person in blue 6 m away")
 
 
 def test_boxes_without_a_map() -> None:
