@@ -265,7 +265,7 @@ def test_people_and_bicycles_are_separate_from_vehicles() -> None:
 def test_people_have_a_colour_where_the_map_has_one_for_them_and_no_vehicle_is() -> None:
     person = {"category": "human.pedestrian.adult", "size_wlh_m": (0.6, 0.6, 1.8)}
     street = Street().car("car", 15, 0, RED).car("walker", 5, 5, BLUE, **person)  # type: ignore[arg-type]
-    street.car("leaning", 15, 0.8, RED, **person)  # type: ignore[arg-type]
+    street.car("leaning", 15, 0.5, RED, **person)  # type: ignore[arg-type]
     scene = street.scene()
     colours = {item.id: scene.colour_name(item) for item in scene.others}
     assert colours == {"walker": "blue", "leaning": None}
