@@ -50,6 +50,8 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
         return None
     if turn is not None and (told := _told_apart(talk, reply, turn)):
         return talk.narrow(told, replace(request, reading=said(request.reading, text)))
+    if turn is not None and state.question is None and (without := turn.without_place(text, talk.antecedent)):
+        return talk.take(state.with_request(merge_request(request, without)))
     base = request.query
     antecedent = talk.antecedent or (None if base.referent else Referent("vehicle", "one"))
     if turn is not None and turn.act in ("place", "describe") and turn.is_plain:

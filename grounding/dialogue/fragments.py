@@ -240,7 +240,9 @@ def _has_unknown(reading: Reading) -> bool:
 
 def _is_bare(referent: Referent, reading: Reading) -> bool:
     """Return whether a referent has no words of its own that distinguish it."""
-    noun = any(token.category in (WordCategory.NOUN, WordCategory.PERSON) for token in reading.tokens)
+    nouns = (WordCategory.NOUN, WordCategory.PERSON)
+    noun = not referent.anaphora and any(token.category in nouns for token in reading.tokens)
     query = reading.query
-    described = referent.colour or referent.qualifiers or referent.extra or query.secondary
+    beside = any(one.of != "goal" for one in query.secondary)
+    described = referent.colour or referent.qualifiers or beside
     return not (noun or described or query.excluded or query.distance_of == "descriptor")

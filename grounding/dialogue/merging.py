@@ -45,6 +45,8 @@ def merge(base: Query, partial: Query) -> Query:
         slots |= {"action": partial.action, "actions": partial.actions}
     if partial.referent is not None:
         slots |= _vehicle_slots(base, partial)
+    elif partial.excluded:
+        slots["excluded"] = (*base.excluded, *partial.excluded)
     if names_place:
         slots |= _place_slots(base, partial)
     if names_place or partial.distance_m is not None:

@@ -17,8 +17,8 @@ from grounding.language.reader.revision import command_of, field_value
 from grounding.language.reader.turns import State, default_turn_reader
 from grounding.language.replies import SHIFTS, Reply, named_distance
 from grounding.language.syntax.tokenizer import Token, normalise, tokenise
-from grounding.query import Query, Referent
-from grounding.vocabulary import POSITIONS, Action, ShiftDirection
+from grounding.query import Exclusion, Query, Referent
+from grounding.vocabulary import POSITIONS, Action, Relation, ShiftDirection
 
 # Least probability of an act that is taken, and of a qualifier.
 _SURE, _LEAST_QUALIFIER = 0.55, 0.5
@@ -67,6 +67,7 @@ class Turn:
         distance_m: distance that it names; None without one.
         needed: probability that an act needs to be believed against the grammar.
         rules_out: whether it does without what it describes: "no trailer".
+        rules_out_place: whether it only says where not: "not behind the red one".
     """
 
     act: str
@@ -76,6 +77,7 @@ class Turn:
     distance_m: float | None = None
     needed: float = 0.0
     rules_out: bool = False
+    rules_out_place: bool = False
 
     @property
     def is_sure(self) -> bool:
@@ -209,6 +211,14 @@ class Turn:
             or (own != best and self.prediction.choices["relation"][best] > _SURE_RELATION)
         )
 
+    def without_place(self, text: str, antecedent: Referent | None) -> Query | None:
+        """Return the partial query that excludes the place which it names at a vehicle; None for other turns."""
+        named = self.described(antecedent) if self.rules_out_place and self.names_vehicle else None
+        relation = next((one for one in get_args(Relation) if one == self.best("relation") != NONE), None)
+        if named is None or relation is None:
+            return None
+        return Query(text, excluded=(Exclusion(relation, named.noun, named.colour, named.qualifiers),))
+
     def placed(self, text: str, antecedent: Referent | None) -> Query | None:
         """Return the partial query of the place and the vehicle that it names; None if it names no place."""
         relation, side = self.relation, self.best("goal_side")
@@ -265,7 +275,7 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     # To drop the only step is to drop all.
     drops_all = act == "cancel" and len(talk.state.plan) == 1
     sure = scores[act] + (scores["drop"] if drops_all else 0.0)
-    return Turn(act, sure, prediction, number, distance_m, needed, _rules_out(tokens))
+    return Turn(act, sure, prediction, number, distance_m, needed, _rules_out(tokens), _rules_out_place(tokens))
 
 
 def _least_probability(talk: Conversation, reply: Reply, reading: Reading, act: str, own: tuple[str, int]) -> float:
@@ -338,6 +348,12 @@ def _rules_out(tokens: Sequence[Token]) -> bool:
         one.category is WordCategory.NOT and (one.text == "without" or after.category in named)
         for one, after in pairwise(tokens)
     )
+
+
+def _rules_out_place(tokens: Sequence[Token]) -> bool:
+    """Return whether the only relation of a turn is negated: not "not behind, in front"."""
+    relations = [i for i, one in enumerate(tokens) if one.category is WordCategory.RELATION]
+    return len(relations) == 1 and relations[0] > 0 and tokens[relations[0] - 1].category is WordCategory.NOT
 
 
 def _number(tokens: Sequence[Token]) -> int | None:
