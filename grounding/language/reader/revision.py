@@ -22,8 +22,8 @@ from grounding.vocabulary import REFUSED, Action
 
 # Least probability of a value that counts.
 _LEAST = 1e-4
-# What the grammar's reading gains (nats) where it understood every word, and where it left words out but doubts none:
-# it keeps to the rules of the labelled files, of which the authors of the sentences knew little.
+# What the grammar's reading gains (nats) where it understood every word, misspelt ones too, and where it left words
+# out but doubts none: it keeps to the rules of the labelled files, of which the authors of the sentences knew little.
 _TRUST_WHOLE, _TRUST = 3.5, 1.0
 # Least log odds at which a sentence is a command that the grammar takes for none, and at which it remains one: the
 # weights are fitted on sentences of which seven in eight are commands.
@@ -163,9 +163,11 @@ def choose(
 
 def _trust(evidence: Evidence) -> float:
     """Return what the grammar's reading gains; a negation that it understands whole may never become its opposite."""
-    if evidence.whole:
-        return math.inf if evidence.contrary else _TRUST_WHOLE
-    return 0.0 if evidence.doubtful else _TRUST
+    if evidence.whole and evidence.contrary:
+        return math.inf
+    if evidence.dropped or evidence.doubtful or evidence.unknown:
+        return 0.0 if evidence.doubtful else _TRUST
+    return _TRUST_WHOLE
 
 
 def _by_network(query: Query, evidence: Evidence, prediction: Prediction) -> Query:
