@@ -296,6 +296,11 @@ def replace_step(talk: Conversation, requests: Sequence[Request]) -> Answer | No
     return talk.take((*plan[: same[-1]], requests[0], *plan[same[-1] + 1 :]))
 
 
+def _take_left(talk: Conversation, text: str, left: Sequence[Request]) -> Answer:
+    """Plan the steps that are left."""
+    return talk.take(tuple(replace(one, reading=said(one.reading, text)) for one in left))
+
+
 def drop_step_at(talk: Conversation, text: str, named: Referent) -> Answer | None:
     """Drop the only step at a vehicle: "skip the truck"; None if the plan has no such step, or no other.
 
@@ -309,7 +314,7 @@ def drop_step_at(talk: Conversation, text: str, named: Referent) -> Answer | Non
     left = tuple(step for step in plan if not (step.chosen is not None and step.chosen.item.id in ids))
     if not left or len(left) != len(plan) - 1:
         return None
-    return talk.take(tuple(replace(one, reading=said(one.reading, text)) for one in left))
+    return _take_left(talk, text, left)
 
 
 def drop_step_number(talk: Conversation, text: str, number: int | None) -> Answer | None:
@@ -319,7 +324,7 @@ def drop_step_number(talk: Conversation, text: str, number: int | None) -> Answe
     if len(plan) < 2 or not 1 <= at <= len(plan):
         return None
     left = (*plan[: at - 1], *plan[at:])
-    return talk.take(tuple(replace(one, reading=said(one.reading, text)) for one in left))
+    return _take_left(talk, text, left)
 
 
 def drop_steps(talk: Conversation, text: str, action: Action) -> Answer:
@@ -330,4 +335,4 @@ def drop_steps(talk: Conversation, text: str, action: Action) -> Answer:
         return cancel(talk, text)
     if len(left) == len(plan):
         return inform(talk, text, f"the plan has no step '{action}': it stays as it is")
-    return talk.take(tuple(replace(one, reading=said(one.reading, text)) for one in left))
+    return _take_left(talk, text, left)

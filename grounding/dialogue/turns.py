@@ -49,7 +49,8 @@ _DETAILED = {"yes": ("command", "number"), "no": ("number",), "remark": ("comman
 _MEASURED, _FEW_WORDS = ("more", "less", "shift"), 6
 # Least probability of all acts that do something.
 _LEAST_DOING = 0.25
-# Numbers as a recogniser of speech may write them, in a turn that is one.
+# Numbers as a recogniser of speech may write them, and the most words of a turn that is one: "number too".
+_FEWEST_WORDS = 3
 _HEARD_NUMBERS = {"won": 1, "too": 2, "to": 2, "for": 4, "fore": 4, "ate": 8}
 # Kinds of the patterns of replies that have another name as acts.
 ACTS_OF_KINDS = {"thanks": "remark", "former": "number", "latter": "number"} | dict.fromkeys(SHIFTS, "shift")
@@ -266,7 +267,7 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     if act == "place" and own[0] == "command" and reading.query.relation == prediction.best("relation") != NONE:
         return None  # "wait behind it then" is another action too
     number, distance_m = reply.number or _number(tokens), named_distance(text, talk.grounder.lexicon)
-    if number is None and act == "number":
+    if number is None and act == "number" and len(tokens) <= _FEWEST_WORDS:
         number = next((_HEARD_NUMBERS[one.text] for one in tokens if one.text in _HEARD_NUMBERS), None)
     counted = any(one.category is WordCategory.NUMBER for one in tokens) and len(tokens) <= _FEW_WORDS
     if distance_m is None and act in _MEASURED and counted:
