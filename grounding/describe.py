@@ -33,7 +33,7 @@ def describe_side(item: SceneObject, ego: EgoVehicle) -> str:
 
 
 def describe_motion(item: SceneObject) -> str:
-    """Return whether an object stands or how fast it moves; an unknown speed is said to be unknown."""
+    """Return "standing", "hardly moving", the speed, or "speed not known"."""
     if item.speed_mps is None:
         return "speed not known"
     if item.is_standing:

@@ -145,8 +145,8 @@ def _answer_description(
     if told is not None and (reading is None or _is_simple(reading) or _is_neighbour(talk, reading, told)):
         reading = told  # only the grammar knows neighbours, and what is not meant
     reading = reading or read_description(reply.rest, talk.antecedent, talk.readings)
-    if question is not None and (others := all_but(talk, reply.rest, question)) and request is not None:
-        return talk.narrow(others, replace(request, reading=said(request.reading, text)))
+    if question is not None and (answer := refuse_described(talk, text, reply.rest)):
+        return answer
     if request is None or reading is None:
         return None
     described = merge_request(request, said(reading, text).query)
@@ -196,14 +196,16 @@ def described_by(turn: Turn | None, antecedent: Referent | None) -> Reading | No
     return None if referent is None else reading_of(referent)
 
 
-def all_but(talk: Conversation, words: str, question: Answer) -> list[Candidate]:
-    """Return the candidates of a question that are left of "not the near one"; none for other words."""
-    if not words.startswith("not "):
-        return []
+def refuse_described(talk: Conversation, text: str, words: str) -> Answer | None:
+    """Narrow the candidates of the open question by "not the near one"; None for other words, or if none is left."""
+    question, request = talk.state.question, talk.state.request
+    if question is None or request is None or not words.startswith("not "):
+        return None
     reading = read_description(words.removeprefix("not "), talk.antecedent, talk.readings)
     refused = find_fitting(reading, question.candidates, talk.scene) if reading is not None else []
     ids = {one.item.id for one in refused}
-    return [one for one in question.candidates if one.item.id not in ids] if refused else []
+    left = [one for one in question.candidates if one.item.id not in ids] if refused else []
+    return talk.narrow(left, replace(request, reading=said(request.reading, text))) if left else None
 
 
 def _modify(talk: Conversation, reading: Reading, request: Request) -> Answer:

@@ -10,7 +10,7 @@ import numpy as np
 from grounding.answer import Answer
 from grounding.answering import Request, accept_proposal, without
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.descriptions import find_fitting, reading_of, without_qualifiers
+from grounding.dialogue.descriptions import any_of, find_fitting, reading_of, without_qualifiers
 from grounding.dialogue.reports import ask_again, cancel, inform, keep, not_understood
 from grounding.dialogue.telling import said
 from grounding.query import Referent
@@ -105,8 +105,8 @@ def choose_middle(talk: Conversation, text: str) -> Answer:
     if request is None or not offered:
         return ask_again(talk, text)
     if _has_no_middle(offered) and request.query.referent is not None:
-        any_of = replace(request.query.referent, qualifiers=(), definite=False)
-        offered = resolve(replace(request.query, referent=any_of), talk.scene).candidates
+        plain = replace(request.query, referent=replace(request.query.referent, qualifiers=()))
+        offered = resolve(any_of(plain), talk.scene).candidates
     if _has_no_middle(offered):
         return ask_again(talk, text)
     row = sorted(offered, key=lambda one: float(talk.scene.lanes.project(one.item.centre_m[None])[0][0]))

@@ -27,6 +27,12 @@ def reading_of(referent: Referent) -> Reading:
     return Reading(query, steps=(query,))
 
 
+def any_of(query: Query) -> Query:
+    """Return a query about any vehicle like its referent, so that all of them are candidates."""
+    referent = query.referent
+    return query if referent is None else replace(query, referent=replace(referent, definite=False))
+
+
 def find_fitting(reading: Reading, candidates: Sequence[Candidate], scene: SceneModel) -> list[Candidate]:
     """Return the candidates that a description fits; all are left if it fits all equally."""
     ids = {one.item.id for one in candidates}
@@ -55,7 +61,7 @@ def find_at_distance(distance_m: float, candidates: Sequence[Candidate], scene: 
 def find_beside(
     neighbour: Referent, relation: str, candidates: Sequence[Candidate], scene: SceneModel
 ) -> list[Candidate]:
-    """Return the candidate that lies beside another vehicle of the scene: "the one past the motorcycle".
+    """Return the candidate with a relation to another vehicle: "the one past the motorcycle".
 
     Args:
         neighbour: description of the other vehicle.

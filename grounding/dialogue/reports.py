@@ -10,6 +10,7 @@ from grounding.answer import Answer
 from grounding.answering import requests_of
 from grounding.describe import describe_object
 from grounding.dialogue.conversation import Conversation
+from grounding.dialogue.descriptions import any_of
 from grounding.dialogue.fragments import complete, names_pronoun, read_description
 from grounding.dialogue.telling import ask, describe_goal, said
 from grounding.language import Reading
@@ -134,8 +135,7 @@ def _offer_all(talk: Conversation, counted: Sequence[SceneObject]) -> None:
     ids = {item.id for item in counted}
     if request is None or request.query.referent is None or not offered or not offered < ids:
         return
-    any_of = replace(request.query, referent=replace(request.query.referent, definite=False))
-    every = [one for one in resolve(any_of, talk.scene).candidates if one.item.id in ids]
+    every = [one for one in resolve(any_of(request.query), talk.scene).candidates if one.item.id in ids]
     if len(every) > len(offered):
         talk.settle(talk.state.asked, ask(every, request.reading, talk.scene))
 

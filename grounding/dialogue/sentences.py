@@ -9,7 +9,6 @@ from functools import partial
 from grounding.answer import Answer
 from grounding.dialogue.changes import (
     BIT_M,
-    all_but,
     answer_fragment,
     change_distance,
     described_by,
@@ -17,6 +16,7 @@ from grounding.dialogue.changes import (
     drop_step_number,
     drop_steps,
     move_elsewhere,
+    refuse_described,
     scale_distance,
     shift_from_named,
     shift_last,
@@ -50,7 +50,6 @@ from grounding.dialogue.reports import (
     tell_seen,
     tell_vehicle,
 )
-from grounding.dialogue.telling import said
 from grounding.dialogue.turns import Turn, read_turn, state_of
 from grounding.goal.shift import Shift
 from grounding.language.reader.fields import NONE
@@ -169,12 +168,8 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
         if act in ("describe", "place") and not reply.kinds and talk.readings(text)[0].problem:
             return ask_to_stop(talk, text, reply.rest)
         return _ACTS[act](talk, text) if act in _WITHOUT_COMMAND else None
-    if (
-        state.question is not None
-        and state.request is not None
-        and (left := all_but(talk, reply.rest, state.question))
-    ):
-        return talk.narrow(left, replace(state.request, reading=said(state.request.reading, text)))
+    if refused := refuse_described(talk, text, reply.rest):
+        return refused
     if _says_more(talk, reply, turn) or talk.read(reply.rest or text).query.manoeuvre in _OF_THE_GRAMMAR:
         return None
     if act == "drop" and (dropped := drop_step_number(talk, text, turn.number)):
@@ -211,9 +206,10 @@ def _says_more(talk: Conversation, reply: Reply, turn: Turn) -> bool:
     act = turn.act
     if act in ("pause", "remark", "cancel"):
         return "meant" in reply.kinds and bool(reply.rest) and not turn.is_certain  # "oh wait, I meant right"
-    if act == "other" or (act in ("shift", "more", "less") and reply.leading_shift):
-        return _names_place_only(talk, reply.rest)  # "the other van. In front of it", "a bit before it"
-    return False
+    may_place = act == "other" or (act in ("shift", "more", "less") and reply.leading_shift)
+    return bool(may_place) and _names_place_only(
+        talk, reply.rest
+    )  # "the other van. In front of it", "a bit before it"
 
 
 def _answer_number(talk: Conversation, text: str, reply: Reply, number: int | None) -> Answer | None:

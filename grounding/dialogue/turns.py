@@ -20,8 +20,8 @@ from grounding.language.syntax.tokenizer import Token, normalise, tokenise
 from grounding.query import Exclusion, Query, Referent
 from grounding.vocabulary import POSITIONS, Action, Relation, ShiftDirection
 
-# Least probability of an act that is taken, and of a qualifier.
-_SURE, _LEAST_QUALIFIER = 0.55, 0.5
+# Least probability of an act that is taken.
+_SURE = 0.55
 _LEAST = 1e-4
 # Least probability of an act where the grammar finds nothing, and acts that need no other word: they are not tried.
 _LIKELY, _BARE = 0.3, ("cancel", "drop", "yes", "no")
@@ -58,17 +58,17 @@ ACTS_OF_KINDS = {"thanks": "remark", "former": "number", "latter": "number"} | d
 
 @dataclass(frozen=True)
 class Turn:
-    """A turn as the reader of turns sees it.
+    """Dialogue act and slots of a turn.
 
     Attributes:
-        act: what it does, one of `ACTS`.
+        act: dialogue act, one of `ACTS`.
         sure: probability of the act after the vote.
-        prediction: probabilities of its fields.
+        prediction: the network's probabilities of the fields.
         number: number or ordinal that it names, -1 for the last; None without one.
         distance_m: distance that it names; None without one.
-        needed: probability that an act needs to be believed against the grammar.
-        rules_out: whether it does without what it describes: "no trailer".
-        rules_out_place: whether it only says where not: "not behind the red one".
+        needed: least probability of the act at which it overrules the grammar.
+        rules_out: whether the described vehicle is excluded: "no trailer".
+        rules_out_place: whether the only relation is negated: "not behind the red one".
     """
 
     act: str
@@ -158,7 +158,7 @@ class Turn:
     def described(self, antecedent: Referent | None) -> Referent | None:
         """Return the vehicle that it describes, where it names none like the antecedent; None for no description."""
         noun, colour = self.best("noun"), self.best("colour")
-        qualifiers = tuple(one for one, share in self.prediction.qualifiers.items() if share > _LEAST_QUALIFIER)
+        qualifiers = self.prediction.likely_qualifiers
         if noun == colour == NONE and not qualifiers:
             return None
         named = None if colour == NONE else colour
@@ -343,7 +343,7 @@ def vote_on_act(shares: Mapping[str, float], own: tuple[str, int], weights: Numb
 
 
 def _rules_out(tokens: Sequence[Token]) -> bool:
-    """Return whether a turn does without what it describes: "no trailer", "without the van"; not "no, the van"."""
+    """Return whether a turn excludes the described vehicle: "no trailer", "without the van"; not "no, the van"."""
     named = (WordCategory.NOUN, WordCategory.COLOUR)
     return any(
         one.category is WordCategory.NOT and (one.text == "without" or after.category in named)

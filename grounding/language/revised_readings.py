@@ -58,7 +58,7 @@ def revise_readings(readings: Sequence[Reading], tokens: Sequence[Token]) -> tup
         return tuple(readings)
     if revision.changed and revision.query.action is None:
         return (_rejected(first, revision),)
-    # Another attachment is kept if it says the same about all that has changed, and about what is to be done.
+    # Another attachment is kept if it has the same main action, and the same values of all changed fields.
     changes = _differences(first.query, revision.query)
     before = {name: getattr(first.query, name) for name in ("action", *changes)}
     alike = [one for one in readings if all(getattr(one.query, name) == value for name, value in before.items())]

@@ -224,16 +224,13 @@ def _from_boxes(bev: BEVMap | None, boxes: Boxes) -> list[SceneObject]:
         centres, colours = bev.grid.centres()[known], np.moveaxis(bev.appearance, 0, -1)[known].astype(np.float64)
     objects = []
     free = np.ones(len(centres), np.bool_)
-    vehicles_first = sorted(range(len(boxes)), key=lambda i: not is_vehicle(boxes.category[i]))
-    for i in vehicles_first:
-        category = boxes.category[i]
-        if not (is_vehicle(category) or is_person_or_bicycle(category)):
-            continue
+    known_kinds = [i for i, one in enumerate(boxes.category) if is_vehicle(one) or is_person_or_bicycle(one)]
+    for i in sorted(known_kinds, key=lambda i: not is_vehicle(boxes.category[i])):  # vehicles first
         width, length, height = (float(size) for size in boxes.size_wlh_m[i])
         velocity = boxes.velocity_mps[i]
         bare = SceneObject(
             id=boxes.instance[i],
-            category=category,
+            category=boxes.category[i],
             centre_m=boxes.centre_m[i, :2],
             yaw_rad=float(boxes.yaw_rad[i]),
             front_known=True,
@@ -243,9 +240,11 @@ def _from_boxes(bev: BEVMap | None, boxes: Boxes) -> list[SceneObject]:
             velocity_mps=velocity if np.isfinite(velocity).all() else None,
         )
         covered = bare.covers(centres)
-        if is_vehicle(category):
+        if is_vehicle(bare.category):
             free &= ~covered
-        own = colours[covered if is_vehicle(category) else covered & free]
+        else:
+            covered &= free
+        own = colours[covered]
         objects.append(replace(bare, rgb=np.median(own, axis=0)) if len(own) else bare)
     return objects
 

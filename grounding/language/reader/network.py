@@ -22,6 +22,8 @@ from grounding.language.syntax.tokenizer import Token
 
 # Floating-point numbers of any precision.
 Numbers = NDArray[np.floating[Any]]
+# Probability above which a qualifier is likely.
+_LIKELY = 0.5
 # Words read; what follows is left to the grammar.
 MAX_TOKENS = 80
 
@@ -34,6 +36,7 @@ class Prediction:
         choices: field of the network's choices or "noun" or "colour" -> value -> probability; NONE stands for no
             value.
         qualifiers: qualifier -> probability.
+        actions: action -> probability that it is commanded.
         head: word that names the vehicle most likely; '' for a word that the lexicon knows as no vehicle's name.
     """
 
@@ -41,6 +44,11 @@ class Prediction:
     qualifiers: Mapping[str, float]
     actions: Mapping[str, float]
     head: str = ""
+
+    @property
+    def likely_qualifiers(self) -> tuple[str, ...]:
+        """Qualifiers that are likelier than not."""
+        return tuple(one for one, share in self.qualifiers.items() if share > _LIKELY)
 
     def best(self, field: str) -> str:
         """Return the likeliest value of a field."""

@@ -181,11 +181,7 @@ def _by_network(query: Query, evidence: Evidence, prediction: Prediction) -> Que
     nameless = query.unresolved and not (prediction.head or evidence.dropped or evidence.unknown)
     if by_scene or nameless:
         values["noun"] = NONE
-    return _with_values(query, values, _likely_qualifiers(prediction), prediction)
-
-
-def _likely_qualifiers(prediction: Prediction) -> tuple[str, ...]:
-    return tuple(one for one, probability in prediction.qualifiers.items() if probability > 0.5)
+    return _with_values(query, values, prediction)
 
 
 def _commanded(query: Query, prediction: Prediction) -> tuple[Action, ...]:
@@ -209,16 +205,14 @@ def command_of(command: str, prediction: Prediction) -> Query:
     """Return the network's reading of a command."""
     values = {field: prediction.best(field) for field in FIELDS}
     action: Any = values["action"]
-    return _with_values(Query(command, action, (action,)), values, _likely_qualifiers(prediction), prediction)
+    return _with_values(Query(command, action, (action,)), values, prediction)
 
 
-def _with_values(
-    query: Query, values: Mapping[str, str], qualifiers: tuple[str, ...], prediction: Prediction
-) -> Query:
+def _with_values(query: Query, values: Mapping[str, str], prediction: Prediction) -> Query:
     """Return a query with the given values; what hangs on a changed value changes with it."""
     if values["noun"] == "person":
         query = _about_person(query)
-    referent = _referent(query.referent, values, qualifiers, prediction.head)
+    referent = _referent(query.referent, values, prediction.likely_qualifiers, prediction.head)
     if referent is not None and _is_excluded(referent, query.excluded) and referent != query.referent:
         referent = query.referent  # the command excludes the other one
     action: Any = values["action"]

@@ -81,6 +81,10 @@ def test_an_action_that_the_network_does_not_see_is_dropped() -> None:
     assert revise(query, READ, predict(0.2), RULE).query.action == "park"
 
 
+def test_an_unsure_network_changes_nothing() -> None:
+    assert revise(QUERY, READ, predict(sure=0.15, relation="next_to"), RULE).changed == ()
+
+
 def test_actions_head_and_landmark_follow() -> None:
     query = revise(QUERY, GUESSED, predict(action="follow", relation="none", noun="van"), RULE).query
     assert (query.actions, query.landmark) == (("follow",), None)
@@ -96,6 +100,7 @@ def test_actions_head_and_landmark_follow() -> None:
 
 
 def test_qualifiers() -> None:
+    assert revise(QUERY, READ, predict(qualifiers=("nearest",)), RULE).changed == ()
     revision = revise(QUERY, GUESSED, predict(qualifiers=("nearest", "parked")), RULE)
     assert revision.changed == (("qualifiers", "none", "nearest parked"),)
     assert revise(revision.query, READ, predict(qualifiers=("nearest", "parked")), RULE).changed == ()
@@ -120,6 +125,15 @@ def test_commands_and_others() -> None:
     assert (found.query.action, found.query.relation, found.query.landmark) == ("park", "behind", "referent")
     assert 0.3 < found.sure < 0.6
     assert query_of("x", predict(status="reject")).action is None
+
+
+def test_what_both_say_is_never_doubted() -> None:
+    assert revise(QUERY, GUESSED, predict(0.4), RULE).query.relation == "behind"
+
+
+def test_a_negated_sentence_gets_no_further_qualifier() -> None:
+    negated = READ._replace(contrary=True)
+    assert revise(QUERY, negated, predict(qualifiers=("right_side", "nearest", "parked")), RULE).changed == ()
 
 
 def test_a_person_beside_the_vehicle_is_meant() -> None:
