@@ -169,8 +169,9 @@ class Grounder:
         literal = not (first.corrections or first.dropped)
         commands = [first, *(one for one in others if not (one.problem or (literal and one.corrections)))]
         answers = [answer_reading(reading, scene, self.config.max_candidates) for reading in commands]
-        # The readings come best first, and so the first of several equal answers wins.
-        best = max(answers, key=lambda answer: answer.score)
+        # The readings come best first, and so the first of several equal answers wins; what is forbidden stays so.
+        forbidden = answers[0].plan.refused and not answers[0].question
+        best = answers[0] if forbidden else max(answers, key=lambda answer: answer.score)
         if not scene.unseen_sides:
             return best
         return replace(best, reasons=(*best.reasons, unseen_reason(scene.unseen_sides)))

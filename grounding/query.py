@@ -53,6 +53,7 @@ class Referent:
         extra: descriptions that no map can show: make, owner, an open door.
         definite: True for "the" and "that", False for "a" and "any".
         in_line: True for "in front of us" and "behind us" (the next one in the ego lane), False for "ahead".
+        clothes: colour of what a person wears: "the woman in the green coat"; None if none is named.
     """
 
     noun: str
@@ -66,6 +67,7 @@ class Referent:
     extra: tuple[str, ...] = ()
     definite: bool = True
     in_line: bool = False
+    clothes: str | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the referent with the keys of labelled command files."""
@@ -79,13 +81,15 @@ class Referent:
             "number": self.number,
             "anaphora": self.anaphora,
             "extra": list(self.extra),
+            "clothes": self.clothes,
         }
 
     def phrase(self) -> str:
         """Return the referent as an English noun phrase without an article."""
         before = [word.replace("_", " ") for word in self.qualifiers if word not in _POSTMODIFIERS]
         after = [_POSTMODIFIERS[word] for word in self.qualifiers if word in _POSTMODIFIERS]
-        return " ".join(word for word in (*before, self.colour or "", self.head, *after) if word)
+        worn = f"in {self.clothes}" if self.clothes else ""
+        return " ".join(word for word in (*before, self.colour or "", self.head, worn, *after) if word)
 
 
 @dataclass(frozen=True)

@@ -84,6 +84,7 @@ class _Referent(JsonPart):
     number: Annotated[int, Field(ge=1, le=2)] = 1
     anaphora: bool = False
     extra: Annotated[list[_Word], Field(default_factory=list, max_length=_MAX_ITEMS)]
+    clothes: _Colour | None = None
 
 
 class _Landmark(JsonPart):

@@ -56,11 +56,19 @@ def take_any(talk: Conversation, text: str) -> Answer:
     return talk.choose((ours or question.candidates)[0], request, text)
 
 
-def go_back(talk: Conversation, text: str, described: Referent | None = None) -> Answer:
-    """Put the plan in force that was so before the last one, or that was about a vehicle: "back to the red one"."""
+def go_back(talk: Conversation, text: str, described: Referent | None = None, number: int | None = None) -> Answer:
+    """Put the plan in force that was so before the last one, or that was about a vehicle: "back to the red one".
+
+    Args:
+        talk: the conversation.
+        text: the sentence.
+        described: the vehicle; None without one.
+        number: 1 for the first plan of all.
+    """
     if not talk.state.earlier:
         return inform(talk, text, "no other command was given before")
-    before, *earlier = talk.state.earlier[_index_of(talk, described) :]
+    is_first = number == 1 and (described is None or described.colour is None)
+    before, *earlier = talk.state.earlier[-1:] if is_first else talk.state.earlier[_index_of(talk, described) :]
     answer = talk.take([replace(one, reading=said(one.reading, text)) for one in before])
     if earlier:  # the next "undo" goes back farther; at the first plan it puts the last one in force again
         talk.state = replace(talk.state, earlier=tuple(earlier))
@@ -68,12 +76,10 @@ def go_back(talk: Conversation, text: str, described: Referent | None = None) ->
 
 
 def _index_of(talk: Conversation, described: Referent | None) -> int:
-    """Return the number of the last earlier plan that was about a vehicle as described, of the oldest for "first"."""
+    """Return the number of the last earlier plan that was about a vehicle as described."""
     earlier = talk.state.earlier
     if described is None:
         return 0
-    if "first" in described.qualifiers and described.anaphora and described.colour is None:
-        return len(earlier) - 1
     about = [next((step.chosen for step in reversed(plan) if step.chosen), None) for plan in earlier]
     fitting = find_fitting(reading_of(described), [one for one in about if one is not None], talk.scene)
     ids = {one.item.id for one in fitting}

@@ -10,7 +10,7 @@ from grounding.answering import Request, requests_of
 from grounding.dialogue.changes import drop_steps, replace_step
 from grounding.dialogue.choices import confirm
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.descriptions import find_fitting, is_plainly_definite, widen
+from grounding.dialogue.descriptions import each_step, find_fitting, is_plainly_definite, widen
 from grounding.dialogue.fragments import is_understood, keep_action, names_pronoun, refers_to_place
 from grounding.dialogue.merging import merge_request, names_gap_only
 from grounding.dialogue.reports import ask_again, not_understood
@@ -18,7 +18,7 @@ from grounding.dialogue.telling import said
 from grounding.dialogue.turns import Turn
 from grounding.language import Reading, WordCategory
 from grounding.language.revised_readings import evidence_of
-from grounding.query import Referent
+from grounding.query import Query, Referent
 from grounding.vocabulary import Action
 
 # Actions that are about a vehicle.
@@ -56,8 +56,7 @@ def answer_command(
         return not_understood(talk, text, readings[0], words)
     base = state.request
     readings = tuple(keep_action(said(one, text), base.query if base else None) for one in readings)
-    readings = tuple(widen(one, talk.scene) for one in readings)
-    readings = tuple(_about_focus(talk, one) for one in readings)
+    readings = tuple(each_step(widen(one, talk.scene), lambda step: _about_focus(talk, step)) for one in readings)
     first = readings[0]
     if names_pronoun(first):
         if state.question is not None and len(state.question.candidates) > 1 and not agreed:
@@ -94,14 +93,12 @@ def answer_command(
     return talk.take(requests_of(answer.reading), then, answer)
 
 
-def _about_focus(talk: Conversation, reading: Reading) -> Reading:
-    """Return a reading with the vehicle spoken of, if its action needs one and it names none: "just go past"."""
-    query = reading.query
+def _about_focus(talk: Conversation, query: Query) -> Query:
+    """Return a query with the vehicle spoken of, if its action needs one and it names none: "just go past"."""
     named = query.referent or query.secondary or query.unresolved or query.relation != "none"
     if query.action not in _OF_VEHICLES or named or talk.antecedent is None:
-        return reading
-    query = replace(query, referent=replace(talk.antecedent, anaphora=True))
-    return replace(reading, query=query, steps=(query,) if len(reading.steps) == 1 else reading.steps)
+        return query
+    return replace(query, referent=replace(talk.antecedent, anaphora=True))
 
 
 def ask_to_stop(talk: Conversation, text: str, words: str) -> Answer | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -86,20 +86,30 @@ def find_beside(
 
 def widen(reading: Reading, scene: SceneModel) -> Reading:
     """Return a reading with any vehicle for "one" if no vehicle of the class spoken of fits: "the grey one"."""
-    referent = reading.query.referent
+    return each_step(reading, lambda step: _with_any_vehicle(step, scene))
+
+
+def _with_any_vehicle(query: Query, scene: SceneModel) -> Query:
+    referent = query.referent
     if referent is None or not referent.anaphora or not (referent.colour or referent.qualifiers):
-        return reading
+        return query
     if referent.noun == "vehicle":
-        return reading
-    found = resolve(reading.query, scene)
+        return query
+    found = resolve(query, scene)
     unknown = bool(referent.colour) and all(one.item.rgb is None for one in found.candidates[:1])
     if found.status == "ok" and not unknown:
-        return reading
-    query = replace(reading.query, referent=replace(referent, noun="vehicle", head="one"))
-    found = resolve(query, scene)
-    if found.status == "not_found" or (len(found.candidates) != 1 and found.status != "ok"):
-        return reading
-    return replace(reading, query=query, steps=(query,))
+        return query
+    wider = replace(query, referent=replace(referent, noun="vehicle", head="one"))
+    found = resolve(wider, scene)
+    unclear = found.status == "not_found" or (len(found.candidates) != 1 and found.status != "ok")
+    return query if unclear else wider
+
+
+def each_step(reading: Reading, change: Callable[[Query], Query]) -> Reading:
+    """Return a reading with its query and each of its steps changed."""
+    query = change(reading.query)
+    steps = tuple(query if step == reading.query else change(step) for step in reading.steps)
+    return replace(reading, query=query, steps=steps)
 
 
 def is_plainly_definite(reading: Reading) -> bool:

@@ -30,6 +30,8 @@ _KINDS = (ASIDES, ("describe", "place", "shift", "command", "then", "number"))
 _NAMING, _NAMED = ("describe", "place"), 0.3
 # Acts that give something up, after which another one often follows.
 _GIVING_UP = ("cancel", "drop", "neither")
+# Acts that change the command in force: "never mind. A little before the bike" gives up its place alone.
+_CHANGING = ("describe", "place", "shift")
 # Acts that ask for something new.
 _COMMANDS = ("command", "then")
 
@@ -160,9 +162,10 @@ def _answer_each(talk: Conversation, parts: Sequence[Part], reasons: bool = True
     """
     several = any(not (one.is_aside or one.is_reply) for one in parts)
     answer = aside = None
-    for one in parts:
+    for i, one in enumerate(parts):
         before = talk.state
-        if one.is_chat or (one.is_reply and several):
+        replaced = one.act == "cancel" and any(later.act in _CHANGING for later in parts[i + 1 :])
+        if one.is_chat or (one.is_reply and several) or replaced:
             notice(talk, one.text)
         elif one.is_aside:
             aside = answer_sentence(talk, one.text)
@@ -174,4 +177,5 @@ def _answer_each(talk: Conversation, parts: Sequence[Part], reasons: bool = True
                 return None
             else:
                 talk.state = before
-    return answer or aside
+    failed = answer is not None and answer.status != "ok" and not any(one.is_command for one in parts)
+    return (aside or answer) if failed else (answer or aside)

@@ -112,9 +112,13 @@ def answer_sentence(talk: Conversation, text: str) -> Answer:
     if answer is None and guess is not None and guess.is_chat and plain:
         answer = _answer_likely(talk, text, reply, guess) or keep(talk, text)
     answer = answer or _answer(talk, text, reply, turn)
-    if guess is not None and not guess.is_likely_command and before.goal is not None and _names_no_place(answer):
-        talk.state = before
-        return _answer_likely(talk, text, reply, guess) or keep(talk, text)
+    if guess is not None and not guess.is_likely_command and before.goal is not None:
+        if answer.query.manoeuvre == "onward":
+            talk.state = before
+            return confirm(talk, text)  # "do carry on"
+        if _names_no_place(answer):
+            talk.state = before
+            return _answer_likely(talk, text, reply, guess) or keep(talk, text)
     if guess is not None and not talk.is_opening and is_misunderstood(answer):
         after, talk.state = talk.state, before
         if likely := _answer_likely(talk, text, reply, guess):
@@ -134,11 +138,12 @@ def is_misunderstood(answer: Answer) -> bool:
 
 
 def _names_no_place(answer: Answer) -> bool:
-    """Return whether a place was found for half understood words that name none: "I'll close my eyes a minute"."""
+    """Return whether half understood words that name no place have an effect: "I'll close my eyes a minute"."""
     query = answer.query
     named = (query.referent, query.goal_side, query.road_side, query.direction, query.distance_m, query.manoeuvre)
     placed = query.secondary or any(one is not None for one in named)
-    return answer.target is not None and not placed and not evidence_of(answer.reading).whole
+    acts = answer.target is not None or answer.pace == "standing"
+    return acts and not placed and not evidence_of(answer.reading).whole
 
 
 def _answer_likely(talk: Conversation, text: str, reply: Reply, guess: Turn) -> Answer | None:
@@ -181,7 +186,8 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     if turn.names_vehicle and (act in ("neither", "previous", "following") or turn.answers_by_description):
         return answer_fragment(talk, text, reply, replace(turn, act="describe"))  # "neither, she has the van today"
     if act == "number":
-        return _answer_number(talk, text, reply, turn.number)
+        numbered = _answer_number(talk, text, reply, turn.number)
+        return numbered or answer_fragment(talk, text, reply, replace(turn, act="describe"))
     if turn.shifts_to_place:
         return answer_fragment(talk, text, reply, replace(turn, act="place"))
     if act == "shift":
@@ -197,7 +203,7 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     if act == "room":
         return tell_room(talk, text, reply.rest or text)
     if act == "undo":
-        return go_back(talk, text, turn.described(None))
+        return go_back(talk, text, turn.described(None), turn.number)
     return _ACTS[act](talk, text) if act in _ACTS else None
 
 

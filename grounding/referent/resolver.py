@@ -180,6 +180,9 @@ def _normalise(query: Query) -> Query:
         return (
             replace(query, referent=to_referent(goals[0]), secondary=_without(goals, secondary)) if goals else query
         )
+    if referent.clothes and referent.colour is None:
+        referent = replace(referent, colour=referent.clothes, clothes=None)  # the colour of a person on the map
+        query = replace(query, referent=referent)
     inside = [part for part in secondary if part.relation in ("on", "in")]
     if referent.noun in PERSON_NOUNS:
         ridden = [part for part in inside if part.of == "referent" and part.noun in VEHICLE_NOUNS][:1]

@@ -99,10 +99,16 @@ def _fit_all_words(query: Query, referent: Referent, scene: SceneModel) -> dict[
     if query.distance_of == "descriptor" and query.distance_m:
         word_fits[f"{query.distance_m:g} m away"] = _fit_distance(query.distance_m, scene)
     for exclusion in query.excluded:
-        if exclusion.relation is None and exclusion.noun in KNOWN_NOUNS:
-            excluded = to_referent(exclusion)
+        excluded = to_referent(exclusion)
+        if exclusion.relation is None and exclusion.noun in KNOWN_NOUNS and not _is_other_place(referent, excluded):
             word_fits[f"not {excluded.phrase()}"] = 1 - (1 - _EXCLUDED_FIT) * _fit_excluded(excluded, scene)
     return word_fits
+
+
+def _is_other_place(referent: Referent, excluded: Referent) -> bool:
+    """Return whether an exclusion only tells places in a row apart, all of which count: "the second, not the first"."""
+    counted = find_ordinals(referent.qualifiers) and find_ordinals(excluded.qualifiers)
+    return bool(counted) and excluded.colour in (None, referent.colour)
 
 
 def _fit_excluded(excluded: Referent, scene: SceneModel) -> FloatArray:

@@ -314,6 +314,7 @@ def _referent(
         if other is not phrase and role in ("stated", "event") and may_corefer(phrase, other):
             whole.qualifiers += [word for word in other.qualifiers if word not in whole.qualifiers]
             whole.colour = whole.colour or other.colour
+            whole.clothes = whole.clothes or other.clothes
             whole.extra += other.extra
     pair = whole.number == 2 or (whole.number == 0 and relation == "between")
     return Referent(
@@ -327,6 +328,7 @@ def _referent(
         extra=tuple(dict.fromkeys(whole.extra)),
         definite=whole.definite,
         in_line=whole.in_line,
+        clothes=whole.clothes,
     )
 
 

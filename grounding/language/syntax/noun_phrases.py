@@ -38,8 +38,8 @@ _LETTERS = (
 )
 # Noun phrases with an article ("the red one", "the big bakery", "the second") and without ("parked black cars").
 _PHRASE = re.compile(r"d+[mukn]+h*|d+h+|[mkn]*[hk]+|m+|n+|p|e|(?<=r)u+")
-# "In" and a colour that no noun follows: "the woman in blue".
-_IN_COLOUR = re.compile(r"rm(?![mukhn])")
+# What a person wears: "the woman in blue", "the girl with the yellow coat".
+_WORN = re.compile(r"r(?:m(?![mukhn])|[dmun]*m[mun]*h)")
 _INDEFINITE_PRONOUNS = ("everyone", "everybody", "someone", "somebody", "anyone", "anybody", "people")
 _PLURALS = ("people", "folks", "police", "cattle")
 _EXTRA = (WordCategory.EXTRA, WordCategory.UNKNOWN, WordCategory.POSSESSIVE, WordCategory.MAKE)
@@ -69,6 +69,7 @@ class NounPhrase:
         postmodifiers: the qualifiers that follow the noun.
         in_lexicon: whether the lexicon holds its noun.
         in_line: as in `Referent`.
+        clothes: as in `Referent`.
     """
 
     kind: str
@@ -85,6 +86,7 @@ class NounPhrase:
     postmodifiers: list[str] = field(default_factory=list)
     in_lexicon: bool = True
     in_line: bool = False
+    clothes: str | None = None
 
     def add_qualifier(self, value: str) -> None:
         """Add a qualifier that follows the noun; "from the left" after an ordinal is the start of counting."""
@@ -120,12 +122,19 @@ def chunk(tokens: Sequence[Token]) -> Iterator[Chunk]:
         yield from tokens[at : match.start()]
         middle = _second_start(tokens, match.start(), match.end())
         phrase, at = _noun_phrase(tokens[match.start() : middle]), match.end()
-        if phrase.kind == "person" and _IN_COLOUR.match(letters, at) and tokens[at].text == "in":
-            phrase.colour, at = tokens[at + 1].value, at + 2
+        if phrase.kind == "person" and (worn := _WORN.match(letters, at)) and _is_clothing(tokens[at : worn.end()]):
+            colour, bare = _noun_phrase(tokens[at + 1 : worn.end()]).colour, worn.end() == at + 2
+            phrase.colour, phrase.clothes, at = (colour, None, at + 2) if bare else (None, colour, worn.end())
         yield phrase
         if middle < match.end():
             yield _noun_phrase(tokens[middle : match.end()])
     yield from tokens[at:]
+
+
+def _is_clothing(tokens: Sequence[Token]) -> bool:
+    """Return whether a preposition and what follows it tell the colour of clothes."""
+    coloured = any(token.category is WordCategory.COLOUR for token in tokens)
+    return coloured and tokens[0].value in ("in", "with") and tokens[-1].value in ("clothes", tokens[1].value)
 
 
 def _second_start(tokens: Sequence[Token], start: int, end: int) -> int:

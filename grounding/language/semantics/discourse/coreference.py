@@ -25,6 +25,7 @@ def phrase_of(referent: Referent) -> NounPhrase:
         colour=referent.colour,
         qualifiers=list(referent.qualifiers),
         in_line=referent.in_line,
+        clothes=referent.clothes,
     )
 
 
