@@ -76,7 +76,7 @@ def answer_command(
         return answer
     if refers_to_place(first) and state.question is not None and state.question.status == "ambiguous":
         return confirm(talk, text)  # "is there room behind it?" "Then park there."
-    if refers_to_place(first) and state.plan and not then:
+    if refers_to_place(first) and state.plan:
         return talk.take((*state.plan[:-1], merge_request(state.plan[-1], first.query)))
     if base is not None and not then and names_gap_only(first.query):  # "leave three metres"
         gap = replace(first.query, action=None)

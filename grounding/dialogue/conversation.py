@@ -166,6 +166,10 @@ class Conversation:
             focus = next(((item, referent) for item, referent in named if item and referent), None)
             if focus is not None:
                 state = replace(state, focus=focus, topic=None)
+        elif answer.plan.refused and not answer.question:  # nothing is asked; the vehicle was spoken of
+            named = answer.referent, answer.query.referent
+            focus = (named[0], named[1]) if named[0] and named[1] else state.focus
+            state = replace(state, question=None, focus=focus)
         elif answer.candidates or answer.alternatives or answer.plan.question:
             state = replace(state, question=answer, offered=answer.candidates)
         else:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import product
+from itertools import pairwise, product
 
 from grounding.language import Reading, WordCategory
 from grounding.language.replies import with_superlatives
@@ -205,7 +205,9 @@ def refers_to_place(reading: Reading) -> bool:
     """Return whether a command says where by "there" alone: "stop there"."""
     query = reading.query
     named = query.referent is not None or query.secondary or query.relation != "none"
-    return not named and any(token.category is WordCategory.THERE for token in reading.tokens)
+    there = (token.category is WordCategory.THERE or token.text.endswith(" there") for token in reading.tokens)
+    pairs = pairwise(token.category for token in reading.tokens)
+    return not named and (any(there) or (WordCategory.THAT, WordCategory.SPOT) in pairs)  # "stay there", "in that gap"
 
 
 def turn_neighbours(text: str) -> str:

@@ -177,5 +177,12 @@ def _answer_each(talk: Conversation, parts: Sequence[Part], reasons: bool = True
                 return None
             else:
                 talk.state = before
-    failed = answer is not None and answer.status != "ok" and not any(one.is_command for one in parts)
-    return (aside or answer) if failed else (answer or aside)
+    if answer is None or (aside is not None and _came_to_nothing(answer, parts)):
+        return aside  # "Ours is grey. Is there a grey trailer anywhere?"
+    return answer
+
+
+def _came_to_nothing(answer: Answer, parts: Sequence[Part]) -> bool:
+    """Return whether an answer is neither a goal nor the question which vehicle is meant, and no command failed."""
+    asks = answer.status == "ambiguous" and len(answer.candidates) > 1
+    return not (answer.status == "ok" or asks or any(one.is_command for one in parts))

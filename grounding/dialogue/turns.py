@@ -261,6 +261,8 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     act = max(scores, key=scores.__getitem__)
     # "Hold up, wait a sec" is a pause, a bare "wait" a command.
     says_it = own[0] != "command" or _names_something(reading) or len(reading.tokens) == 1
+    # "Do carry on" agrees with the goal in force.
+    says_it = says_it and reading.query.manoeuvre != "onward"
     detailed = own[0] in _DETAILED.get(act, ()) and says_it
     if (act == own[0] and act not in ("command", "undo")) or detailed:
         return None  # the patterns of replies, or the grammar, know the details

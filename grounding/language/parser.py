@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import islice
 
 from grounding.language.ambiguity import MAX_READINGS, list_alternatives
+from grounding.language.between import with_both_ends
 from grounding.language.problems import ParseProblem, check_type, find_problem
 from grounding.language.reading import Reading
 from grounding.language.revised_readings import revise_readings
@@ -83,7 +84,11 @@ def parse_all(
     else:
         readings = _best_readings(commands)
     alone = antecedent is None and not verb
-    return revise_readings(readings, ways[0].tokens) if revised and alone else readings
+    if not (revised and alone):
+        return readings
+    first, *others = revise_readings(readings, ways[0].tokens)
+    read = partial(parse, lexicon=words, revised=False)
+    return (with_both_ends(first, normalised, read), *others)
 
 
 def _is_clean(way: Tokenised) -> bool:
