@@ -89,11 +89,16 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
 
 
 def _told_apart(talk: Conversation, reply: Reply, turn: Turn) -> list[Candidate]:
-    """Return the candidate of a question that is told by its distance or by a neighbour; none for other turns."""
+    """Return the candidates that are told by their distance, or of a question by a neighbour; none for other turns."""
     question = talk.state.question
-    if question is None or len(question.candidates) < 2 or turn.act != "describe":
+    if turn.act != "describe":
         return []
     distance_m = named_distance(reply.rest, talk.grounder.lexicon)
+    if question is None and distance_m is not None and (named := turn.described(talk.antecedent)):
+        every = resolve(Query("", referent=replace(named, qualifiers=(), definite=False)), talk.scene).candidates
+        return find_at_distance(distance_m, every, talk.scene)  # "no, the one about 25 metres ahead"
+    if question is None or len(question.candidates) < 2:
+        return []
     if distance_m is not None:
         return find_at_distance(distance_m, question.candidates, talk.scene)
     reading = read_description(reply.rest, talk.antecedent, talk.readings)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
@@ -162,6 +162,7 @@ def _answer_each(talk: Conversation, parts: Sequence[Part], reasons: bool = True
     """
     several = any(not (one.is_aside or one.is_reply) for one in parts)
     answer = aside = None
+    until = talk.state
     for i, one in enumerate(parts):
         before = talk.state
         replaced = one.act == "cancel" and any(later.act in _CHANGING for later in parts[i + 1 :])
@@ -172,14 +173,16 @@ def _answer_each(talk: Conversation, parts: Sequence[Part], reasons: bool = True
         else:
             told = answer_sentence(talk, one.text)
             if answer is None or one.is_command or told.status == "ok":
-                answer = told
+                answer, until = told, before
             elif not reasons:
                 return None
             else:
                 talk.state = before
-    if answer is None or (aside is not None and _came_to_nothing(answer, parts)):
-        return aside  # "Ours is grey. Is there a grey trailer anywhere?"
-    return answer
+    if answer is None or aside is None or not _came_to_nothing(answer, parts):
+        return answer or aside
+    talk.state = until
+    asked = until.question.question if until.question else ""
+    return replace(aside, question=asked)  # "Ours is grey. Is there a grey trailer anywhere?"
 
 
 def _came_to_nothing(answer: Answer, parts: Sequence[Part]) -> bool:

@@ -172,6 +172,8 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     if talk.is_opening:
         if act in ("describe", "place") and not reply.kinds and talk.readings(text)[0].problem:
             return ask_to_stop(talk, text, reply.rest)
+        if act == "remark" and turn.is_certain and is_misunderstood(_answer(talk, text, reply, None)):
+            return keep(talk, text)  # "twelve hours to go, wish me luck"
         return _ACTS[act](talk, text) if act in _WITHOUT_COMMAND else None
     if refused := refuse_described(talk, text, reply.rest):
         return refused

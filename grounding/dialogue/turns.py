@@ -16,6 +16,7 @@ from grounding.language.reader.network import Numbers, Prediction
 from grounding.language.reader.revision import command_of, field_value
 from grounding.language.reader.turns import State, default_turn_reader
 from grounding.language.replies import SHIFTS, Reply, named_distance
+from grounding.language.syntax.noun_phrases import named_clothes
 from grounding.language.syntax.tokenizer import Token, normalise, tokenise
 from grounding.query import Exclusion, Query, Referent
 from grounding.vocabulary import POSITIONS, Action, Relation, ShiftDirection
@@ -69,6 +70,7 @@ class Turn:
         needed: least probability of the act at which it overrules the grammar.
         rules_out: whether the described vehicle is excluded: "no trailer".
         rules_out_place: whether the only relation is negated: "not behind the red one".
+        clothes: colour of the clothes that it names; None without.
     """
 
     act: str
@@ -79,6 +81,7 @@ class Turn:
     needed: float = 0.0
     rules_out: bool = False
     rules_out_place: bool = False
+    clothes: str | None = None
 
     @property
     def is_sure(self) -> bool:
@@ -158,12 +161,15 @@ class Turn:
     def described(self, antecedent: Referent | None) -> Referent | None:
         """Return the vehicle that it describes, where it names none like the antecedent; None for no description."""
         noun, colour = self.best("noun"), self.best("colour")
-        qualifiers = self.prediction.likely_qualifiers
+        qualifiers, side = self.prediction.likely_qualifiers, self.best("goal_side")
+        if noun == colour == NONE and not qualifiers and side != NONE and self.act == "describe":
+            qualifiers = (f"{side}_side",)  # "right-hand kerb"
         if noun == colour == NONE and not qualifiers:
             return None
         named = None if colour == NONE else colour
         if noun != NONE:
-            return Referent(noun, self.prediction.head or noun, named, qualifiers)
+            worn = self.clothes if noun == "person" else None
+            return Referent(noun, self.prediction.head or noun, named, qualifiers, clothes=worn)
         like = antecedent or Referent("vehicle", "one")
         return Referent(like.noun, like.head, named or like.colour, qualifiers, anaphora=True)
 
@@ -278,7 +284,9 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     # To drop the only step is to drop all.
     drops_all = act == "cancel" and len(talk.state.plan) == 1
     sure = scores[act] + (scores["drop"] if drops_all else 0.0)
-    return Turn(act, sure, prediction, number, distance_m, needed, _rules_out(tokens), _rules_out_place(tokens))
+    rules_out, rules_out_place = _rules_out(tokens), _rules_out_place(tokens)
+    clothes = named_clothes(reading.tokens)
+    return Turn(act, sure, prediction, number, distance_m, needed, rules_out, rules_out_place, clothes)
 
 
 def _least_probability(talk: Conversation, reply: Reply, reading: Reading, act: str, own: tuple[str, int]) -> float:

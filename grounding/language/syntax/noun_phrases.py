@@ -131,6 +131,11 @@ def chunk(tokens: Sequence[Token]) -> Iterator[Chunk]:
     yield from tokens[at:]
 
 
+def named_clothes(tokens: Sequence[Token]) -> str | None:
+    """Return the colour of the clothes that a person is said to wear in some words, the first if several are."""
+    return next((one.clothes for one in chunk(tokens) if isinstance(one, NounPhrase) and one.clothes), None)
+
+
 def _is_clothing(tokens: Sequence[Token]) -> bool:
     """Return whether a preposition and what follows it tell the colour of clothes."""
     coloured = any(token.category is WordCategory.COLOUR for token in tokens)

@@ -90,6 +90,7 @@ def resolve_anaphor(discourse: Discourse, phrase: NounPhrase) -> NounPhrase | No
     resolved.in_line = antecedent.in_line or phrase.in_line
     if phrase.kind == "pronoun":
         resolved.colour, resolved.qualifiers = antecedent.colour, list(antecedent.qualifiers)
+        resolved.clothes = antecedent.clothes
     else:
         inherits = phrase.qualifiers and role not in ("excluded", "denied")
         resolved.colour = phrase.colour or (antecedent.colour if inherits else None)

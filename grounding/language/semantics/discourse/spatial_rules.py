@@ -133,6 +133,9 @@ def handle_side(state: DiscourseState, token: Token) -> None:
     stands = frame is not None and frame.verb_class in _STANDING and frame.target is None and not state.negated
     if stands and noun is not None and noun.kind == "thing" and value not in _SIDES_BY_TRAFFIC:
         state.open_phrase = None  # "past the crossing on the left"
+    if value == "own" and state.host_frame.relation == "opposite" and not state.negated:
+        state.host_frame.side = state.host_frame.side or "kerb"  # "opposite the van, on our side"
+        return
     if _qualify_open_phrase(state, token):
         return
     if value in _SIDES_BY_TRAFFIC:
