@@ -136,8 +136,9 @@ def _replace(talk: Conversation, text: str, reading: Reading, request: Request) 
     """Plan the last command with another vehicle and another place."""
     question = talk.state.question
     changed = merge_request(request, said(widen(reading, talk.scene), text).query)
-    fitting = find_fitting(reading, question.candidates, talk.scene) if question is not None else []
-    return talk.narrow(fitting, changed) if fitting else talk.take(talk.state.with_request(changed))
+    if question is not None and (fitting := find_fitting(reading, question.candidates, talk.scene)):
+        return talk.narrow(fitting, changed)
+    return _take_changed(talk, changed, reading.query)
 
 
 def _answer_description(
@@ -222,6 +223,15 @@ def _modify(talk: Conversation, reading: Reading, request: Request) -> Answer:
         query = replace(query, excluded=tuple(one for one in query.excluded if one.relation is None))
         chosen = talk.meant or chosen
     changed = replace(changed, chosen=chosen, reading=replace(reading, query=query, steps=(query,)))
+    return _take_changed(talk, changed, reading.query)
+
+
+def _take_changed(talk: Conversation, changed: Request, said: Query) -> Answer:
+    """Plan a changed step; of several vehicles that a plain noun phrase fits, "the van" is the one spoken of."""
+    if changed.chosen is None and talk.state.question is None:
+        found = resolve(changed.query, talk.scene)
+        again = talk.in_focus(found.candidates, said) if found.status == "ambiguous" else None
+        changed = replace(changed, chosen=again)
     return talk.take(talk.state.with_request(changed))
 
 

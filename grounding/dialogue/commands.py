@@ -10,10 +10,10 @@ from grounding.answering import Request, requests_of
 from grounding.dialogue.changes import drop_steps, replace_step
 from grounding.dialogue.choices import confirm
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.descriptions import each_step, find_fitting, is_plainly_definite, widen
+from grounding.dialogue.descriptions import each_step, find_fitting, widen
 from grounding.dialogue.fragments import is_understood, keep_action, names_pronoun, refers_to_place
 from grounding.dialogue.merging import merge_request, names_gap_only
-from grounding.dialogue.reports import ask_again, not_understood
+from grounding.dialogue.reports import ask_again, inform, not_understood
 from grounding.dialogue.telling import said
 from grounding.dialogue.turns import Turn
 from grounding.language import Reading, WordCategory
@@ -83,11 +83,10 @@ def answer_command(
         return talk.take(state.with_request(merge_request(base, gap)))
     if forbidden := _forbidden_action(state.plan, first):
         return drop_steps(talk, text, forbidden)
-    if answer.status == "ambiguous" and state.focus and not state.question and is_plainly_definite(first):
-        # "The van" is the one that the conversation is about.
-        again = [one for one in answer.candidates if one.item.id == state.focus[0].item.id]
-        if again:
-            return talk.take([replace(requests_of(answer.reading)[-1], chosen=again[0])], then)
+    if answer.status == "ambiguous" and not state.question and (again := talk.in_focus(answer.candidates, first.query)):
+        return talk.take([replace(requests_of(answer.reading)[-1], chosen=again)], then)
+    if first.query.action == "avoid" and len(first.steps) == 1 and state.goal is not None and not then:
+        return inform(talk, text, "the goal stays as it is: we keep clear of others on the way")
     if edits and not then and (edited := replace_step(talk, requests_of(answer.reading))):
         return edited
     return talk.take(requests_of(answer.reading), then, answer)

@@ -103,6 +103,13 @@ class Conversation:
         known = [one for one in alike if one.item.id in ids]
         return known[0] if len(alike) > 1 and len(known) == 1 else None
 
+    def in_focus(self, candidates: Sequence[Candidate], query: Query) -> Candidate | None:
+        """Return the candidate that was spoken of last, if a query names it by a plain noun phrase: "the van"."""
+        named, focus = query.referent, self.state.focus
+        if focus is None or named is None or not named.definite or named.qualifiers or named.colour:
+            return None
+        return next((one for one in candidates if one.item.id == focus[0].item.id), None)
+
     @property
     def is_opening(self) -> bool:
         """Whether nothing was asked for yet: a sentence then stands alone."""

@@ -112,12 +112,6 @@ def each_step(reading: Reading, change: Callable[[Query], Query]) -> Reading:
     return replace(reading, query=query, steps=steps)
 
 
-def is_plainly_definite(reading: Reading) -> bool:
-    """Return whether a command names its vehicle by a plain definite noun phrase: "the van"."""
-    referent = reading.query.referent
-    return referent is not None and referent.definite and not (referent.qualifiers or referent.colour)
-
-
 def without_qualifiers(request: Request) -> Request:
     """Return a step whose referent has no qualifiers: "the nearest white car" becomes "the white car"."""
     referent = request.query.referent
