@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -16,6 +17,7 @@ from grounding.dialogue.fragments import (
     names_pronoun,
     names_vehicle,
     read_description,
+    turn_neighbours,
 )
 from grounding.dialogue.merging import merge_request
 from grounding.dialogue.reports import ask_again, cancel, inform
@@ -33,6 +35,8 @@ from grounding.vocabulary import Action, ShiftDirection
 # Distance of "a bit", and distances to another place than the goal.
 BIT_M = 2.0
 _ELSEWHERE_M = (6.0, 12.0)
+# Questions about somebody or something that was not spoken of.
+_WHO_OR_WHAT = re.compile(r"(?:and |oh |but |so )*(?:(?P<who>who)|what)(?:'s| is|s) (?:the|that|this)\b")
 # The opposite of each shift.
 _OPPOSITE: dict[ShiftDirection, ShiftDirection] = {
     **{"away": "near", "near": "away", "ahead": "back", "back": "ahead"},
@@ -89,7 +93,7 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
 
 
 def _told_apart(talk: Conversation, reply: Reply, turn: Turn) -> list[Candidate]:
-    """Return the candidates that are told by their distance, or of a question by a neighbour; none for other turns."""
+    """Return the candidates that are told by their distance, or those of a question by a neighbour; else none."""
     question = talk.state.question
     if turn.act != "describe":
         return []
@@ -102,7 +106,9 @@ def _told_apart(talk: Conversation, reply: Reply, turn: Turn) -> list[Candidate]
     if distance_m is not None:
         return find_at_distance(distance_m, question.candidates, talk.scene)
     reading = read_description(reply.rest, talk.antecedent, talk.readings)
-    known = [one for one in reading.query.secondary if one.of == "referent"] if reading is not None else []
+    # Of a neighbour more may be said than is understood: "nearer the old fella on the footpath".
+    reading = reading or talk.readings(f"follow {turn_neighbours(reply.rest)}", talk.antecedent)[0]
+    known = [one for one in reading.query.secondary if one.of == "referent"]
     beside: list[tuple[Referent, str]] = [(to_referent(one), one.relation) for one in known]
     if not beside and (named := turn.described(None)) and turn.relation != "none":
         beside = [(named, turn.relation)]
@@ -200,6 +206,16 @@ def described_by(turn: Turn | None, antecedent: Referent | None) -> Reading | No
     """Return the partial reading of the vehicle that the reader of turns finds described; None without one."""
     referent = turn.described(antecedent) if turn is not None else None
     return None if referent is None else reading_of(referent)
+
+
+def unknown_one(described: Reading, words: str) -> Reading | None:
+    """Return what "who's that in orange?" and "what's that big thing?" describe; None for other questions."""
+    referent = described.query.referent
+    found = _WHO_OR_WHAT.match(words)
+    if referent is None or found is None or not (referent.colour or referent.qualifiers):
+        return None
+    noun = "person" if found["who"] else "vehicle"
+    return reading_of(Referent(noun, noun, referent.colour, referent.qualifiers))
 
 
 def refuse_described(talk: Conversation, text: str, words: str) -> Answer | None:

@@ -40,6 +40,8 @@ _NEIGHBOUR = re.compile(
     r" (?P<relation>next to|beside|by|near|close to|behind|in front of|ahead of|left of|right of|opposite)"
     r" (?:it|him|her|them)\b"
 )
+# "The one closer to the bus", "nearer the bus".
+_NEARER = re.compile(r"\b(?:closer|closest|nearer|nearest) (?:to )?(?=(?:the|that|this|my|your|our) (?!left|right))")
 # Verbs before a description: "take the one with the bus behind it".
 _CHOOSING = re.compile(
     r"^(?:(?:just|please|then|let's|i'll|we'll) )*(?:take|pick|choose|use|go (?:for|with)) (?=the |that |one )"
@@ -96,7 +98,7 @@ def read_description(text: str, antecedent: Referent | None, read: Reader, *, wh
         A reading whose query is partial: it has the vehicle, and neither an action nor a place; None if the fragment
         describes none.
     """
-    text = turn_neighbours(with_superlatives(text))
+    text = with_superlatives(turn_neighbours(text))
     if _begins_with_event(read(text, None, "")[0]):
         return None
     # With the colour of what was spoken of, the same colour would be a word without effect.
@@ -207,11 +209,13 @@ def refers_to_place(reading: Reading) -> bool:
     named = query.referent is not None or query.secondary or query.relation != "none"
     there = (token.category is WordCategory.THERE or token.text.endswith(" there") for token in reading.tokens)
     pairs = pairwise(token.category for token in reading.tokens)
-    return not named and (any(there) or (WordCategory.THAT, WordCategory.SPOT) in pairs)  # "stay there", "in that gap"
+    # "Stay there", "in that gap".
+    return not named and (any(there) or (WordCategory.THAT, WordCategory.SPOT) in pairs)
 
 
 def turn_neighbours(text: str) -> str:
     """Return a description with the relation that it has to its neighbour: "with a bus behind it" is before a bus."""
+    text = _NEARER.sub("near ", text)
     found = _NEIGHBOUR.search(text)
     if found is None:
         return text

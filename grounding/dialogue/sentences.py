@@ -21,6 +21,7 @@ from grounding.dialogue.changes import (
     shift_from_named,
     shift_last,
     shift_more,
+    unknown_one,
 )
 from grounding.dialogue.choices import (
     choose_middle,
@@ -163,7 +164,7 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     """Answer a turn by what its reader takes it for; None where the grammar is to answer."""
     act, state = turn.act, talk.state
     if act in ("seek", "count", "about") and (named := described_by(turn, talk.antecedent)):
-        if act == "about" and turn.best("noun") == NONE:
+        if act == "about" and turn.best("noun") == NONE and not (named := unknown_one(named, reply.rest)):
             return tell_vehicle(talk, text)
         asked = "" if act == "about" else reply.rest or text  # "what colour is the van" describes none by itself
         return (count if act == "count" else look_for)(talk, text, asked, named)

@@ -19,6 +19,7 @@ from grounding.language.semantics.query_builder import BuiltQuery, build_query
 from grounding.language.syntax.clauses import split_clauses
 from grounding.language.syntax.fragments import complete_fragment, complete_last_sentence, drop_opinion, split_run_ons
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon
+from grounding.language.syntax.noun_phrases import named_clothes
 from grounding.language.syntax.tagging.tagger import tag
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token, Tokenised, normalise, tokenise_all
 from grounding.language.syntax.word_categories import WordCategory
@@ -88,7 +89,17 @@ def parse_all(
         return readings
     first, *others = revise_readings(readings, ways[0].tokens)
     read = partial(parse, lexicon=words, revised=False)
-    return (with_both_ends(first, normalised, read), *others)
+    return (_dressed(with_both_ends(first, normalised, read)), *others)
+
+
+def _dressed(reading: Reading) -> Reading:
+    """Return a reading with the clothes of its person: "She's in the orange coat. Stop by her"."""
+    referent = reading.query.referent
+    if referent is None or referent.noun != "person" or referent.colour or referent.clothes:
+        return reading
+    dressed = replace(referent, clothes=named_clothes(reading.tokens))
+    steps = tuple(replace(one, referent=dressed) if one.referent == referent else one for one in reading.steps)
+    return replace(reading, query=replace(reading.query, referent=dressed), steps=steps)
 
 
 def _is_clean(way: Tokenised) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -50,6 +50,8 @@ _LEADING = (
 _ASKING = ("seek", "count", "room")
 # Kinds that are replies only where a comma and further words follow.
 _BEFORE_COMMA = ("aside",)
+# Least letters of a word in another spelling.
+_LEAST_RESPELLED = 3
 # Preposition before the vehicle that a shift names: "closer to the van". It begins the rest of the reply.
 _TO_VEHICLE = {"near": "to", "away": "from"}
 _SKIPPED = (WordCategory.FILLER, WordCategory.COMMA, WordCategory.BREAK, WordCategory.CORRECT)
@@ -102,7 +104,7 @@ def read_reply(text: str, lexicon: Lexicon | None = None) -> Reply:
         return Reply(rest=text)
     lexicon = lexicon or default_lexicon()
     normalised = normalise(text)
-    words = tuple(WORD.findall(normalised))
+    words = tuple(_respelled(WORD.findall(normalised), lexicon))
     number = _number(words, lexicon)
     if number is not None:
         return Reply(number=number)
@@ -121,6 +123,13 @@ def read_reply(text: str, lexicon: Lexicon | None = None) -> Reply:
         if distance_m is not None and left and more and left[0] == _TO_VEHICLE.get(more[-1]):
             return Reply((*kinds, *more), " ".join(left), None, distance_m)  # "half a metre closer to the van"
     return Reply(kinds, " ".join(rest))
+
+
+def _respelled(words: Sequence[str], lexicon: Lexicon) -> Iterator[str]:
+    """Yield words in their usual spelling: "sry", "2nd", "nvm"; short ones may be others ("4", "ta")."""
+    for word in words:
+        usual = lexicon.respelled.get(word, ()) if len(word) >= _LEAST_RESPELLED else ()
+        yield from usual[0].split() if usual else (word,)
 
 
 def named_distance(text: str, lexicon: Lexicon | None = None) -> float | None:

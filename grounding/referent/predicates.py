@@ -219,7 +219,8 @@ def fit_colour(colour: str, scene: SceneModel) -> FloatArray:
     except ValueError:
         return np.full(len(table), UNKNOWN)
     ridden = np.array([name in ("motorcycle", "bicycle") for name in table.class_names], np.bool_)
-    ridden |= (table.size_m[:, 0] < _RIDDEN_LENGTH_M) & np.array([name != "person" for name in table.class_names], np.bool_)
+    people = np.array([name == "person" for name in table.class_names], np.bool_)
+    ridden |= (table.size_m[:, 0] < _RIDDEN_LENGTH_M) & ~people
     return np.where(ridden, _LEAST_RIDDEN_FIT + (1 - _LEAST_RIDDEN_FIT) * result, result)
 
 

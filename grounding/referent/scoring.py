@@ -106,7 +106,7 @@ def _fit_all_words(query: Query, referent: Referent, scene: SceneModel) -> dict[
 
 
 def _is_other_place(referent: Referent, excluded: Referent) -> bool:
-    """Return whether an exclusion only tells places in a row apart, all of which count: "the second, not the first"."""
+    """Return whether an exclusion only contrasts places in a row, all of which count: "the second, not the first"."""
     counted = find_ordinals(referent.qualifiers) and find_ordinals(excluded.qualifiers)
     return bool(counted) and excluded.colour in (None, referent.colour)
 

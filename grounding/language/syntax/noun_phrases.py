@@ -123,8 +123,8 @@ def chunk(tokens: Sequence[Token]) -> Iterator[Chunk]:
         middle = _second_start(tokens, match.start(), match.end())
         phrase, at = _noun_phrase(tokens[match.start() : middle]), match.end()
         if phrase.kind == "person" and (worn := _WORN.match(letters, at)) and _is_clothing(tokens[at : worn.end()]):
-            colour, bare = _noun_phrase(tokens[at + 1 : worn.end()]).colour, worn.end() == at + 2
-            phrase.colour, phrase.clothes, at = (colour, None, at + 2) if bare else (None, colour, worn.end())
+            clothing, at = _noun_phrase(tokens[at + 1 : worn.end()]), worn.end()
+            phrase.clothes, phrase.colour = clothing.clothes, None if clothing.clothes else clothing.colour
         yield phrase
         if middle < match.end():
             yield _noun_phrase(tokens[middle : match.end()])
@@ -133,7 +133,8 @@ def chunk(tokens: Sequence[Token]) -> Iterator[Chunk]:
 
 def named_clothes(tokens: Sequence[Token]) -> str | None:
     """Return the colour of the clothes that a person is said to wear in some words, the first if several are."""
-    return next((one.clothes for one in chunk(tokens) if isinstance(one, NounPhrase) and one.clothes), None)
+    phrases = (one for one in chunk(tokens) if isinstance(one, NounPhrase))
+    return next((one.clothes for one in phrases if one.clothes), None)
 
 
 def _is_clothing(tokens: Sequence[Token]) -> bool:
@@ -171,6 +172,8 @@ def _noun_phrase(tokens: Sequence[Token]) -> NounPhrase:
             phrase.extra.append(token.text)
     if phrase.colour is None:
         phrase.colour = next((token.value for token in tokens if token.category is WordCategory.SHADE), None)
+    if phrase.kind == "part" and tokens[-1].value == "clothes":
+        phrase.clothes = phrase.colour
     return phrase
 
 
