@@ -100,7 +100,8 @@ def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDA
     primary = next((i for i, one in enumerate(requests) if one.query == reading.query), len(requests) - 1)
     answer = answer_steps(requests, scene, primary=primary, limit=limit)
     answer = replace(answer, reading=replace(answer.reading, steps=reading.steps))
-    if not reading.doubt or reading.query.unresolved:
+    forbidden = answer.plan.refused and not answer.question
+    if not reading.doubt or reading.query.unresolved or forbidden:
         return answer
     asked = Answer(
         status="ambiguous",

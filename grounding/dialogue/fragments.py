@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise, product
 
 from grounding.language import Reading, WordCategory
 from grounding.language.replies import with_superlatives
+from grounding.language.syntax.noun_phrases import NounPhrase, chunk
 from grounding.language.syntax.tokenizer import Token
 from grounding.query import Query, Referent
 
@@ -57,6 +58,27 @@ _PLACE_ACTIONS = ("park", "stop", "pull_over", "wait")
 # Most ways to divide a fragment into a vehicle and a place that are tried.
 _MOST_CUTS = 12
 _VERB_CATEGORIES = (WordCategory.VERB, WordCategory.NONDRIVE, WordCategory.MEANWHILE)
+
+
+def goes_onto_pavement(tokens: Sequence[Token]) -> bool:
+    """Return whether some words name no person, and a place on the pavement."""
+    named = [one for one in tokens if one.category is not WordCategory.THE]
+    on_foot = any(one.category is WordCategory.PERSON for one in tokens)
+    after = [*named[2:], None]
+    onto = (
+        one.value == "on" and thing.value == "sidewalk" and not (then and then.text == "side")  # "on the pavement side"
+        for (one, thing), then in zip(pairwise(named), after, strict=False)
+    )
+    return not on_foot and any(onto)
+
+
+def only_named(tokens: Sequence[Token]) -> Referent | None:
+    """Return the only vehicle or person that some words name: "I'd have that lady in red in the back already"."""
+    phrases = [one for one in chunk(tokens) if isinstance(one, NounPhrase) and one.kind in ("vehicle", "person")]
+    if len(phrases) != 1:
+        return None
+    (one,) = phrases
+    return Referent(one.noun, one.head, one.colour, tuple(one.qualifiers), definite=one.definite, clothes=one.clothes)
 
 
 def has_verb(reading: Reading) -> bool:

@@ -13,6 +13,8 @@ from grounding.answering import Request
 from grounding.query import Query
 from grounding.vocabulary import REFUSED
 
+_PASSING = ("overtake", "drive_past")
+
 
 def merge_request(request: Request, partial: Query) -> Request:
     """Return a step with a partial query merged into its own.
@@ -41,8 +43,12 @@ def merge(base: Query, partial: Query) -> Query:
     slots: dict[str, Any] = {"command": partial.command}
     if base.manoeuvre in REFUSED:
         slots["manoeuvre"] = None  # what was refused is not asked for again
+    if partial.manoeuvre in REFUSED:
+        slots["manoeuvre"] = partial.manoeuvre
     if partial.action is not None:
         slots |= {"action": partial.action, "actions": partial.actions}
+    elif partial.relation == "behind" and base.action in _PASSING:
+        slots |= {"action": "follow", "actions": ("follow",)}  # who stays behind passes no more
     if partial.referent is not None:
         slots |= _vehicle_slots(base, partial)
     elif partial.excluded:

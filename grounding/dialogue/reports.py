@@ -11,7 +11,7 @@ from grounding.answering import requests_of
 from grounding.describe import describe_object
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import any_of
-from grounding.dialogue.fragments import complete, names_pronoun, read_description
+from grounding.dialogue.fragments import complete, names_pronoun, only_named, read_description
 from grounding.dialogue.telling import ask, describe_goal, said
 from grounding.language import Reading
 from grounding.query import Query
@@ -170,11 +170,15 @@ def tell_room(talk: Conversation, text: str, words: str) -> Answer:
 
 def notice(talk: Conversation, words: str) -> None:
     """Remember the only vehicle that fits a sentence without a command ("the van"), for "it" in the next one."""
-    reading = read_description(words, talk.antecedent, talk.readings) if not talk.state.question else None
-    if reading is not None and reading.query.referent is not None:
-        found = resolve(Query("", referent=reading.query.referent), talk.scene)
+    if talk.state.question:
+        return
+    reading = read_description(words, talk.antecedent, talk.readings)
+    named = reading.query.referent if reading is not None else only_named(talk.read(words).tokens)
+    # "I've driven a cab" is about any cab.
+    if named is not None and (named.definite or talk.state.goal is None):
+        found = resolve(Query("", referent=replace(named, definite=True)), talk.scene)
         if found.status == "ok" and found.candidates:
-            talk.state = replace(talk.state, focus=(found.candidates[0], reading.query.referent))
+            talk.state = replace(talk.state, focus=(found.candidates[0], named))
 
 
 def not_understood(talk: Conversation, text: str, reading: Reading, words: str = "") -> Answer:

@@ -37,13 +37,15 @@ from grounding.dialogue.choices import (
 )
 from grounding.dialogue.commands import answer_command, ask_to_stop
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.fragments import complete, has_verb, names_pronoun
+from grounding.dialogue.fragments import complete, goes_onto_pavement, has_verb, names_pronoun
+from grounding.dialogue.merging import merge_request
 from grounding.dialogue.reports import (
     ask_again,
     cancel,
     count,
     keep,
     look_for,
+    notice,
     pause,
     tell_goal,
     tell_reasons,
@@ -56,6 +58,7 @@ from grounding.goal.shift import Shift
 from grounding.language.reader.fields import NONE
 from grounding.language.replies import Reply, read_reply
 from grounding.language.revised_readings import evidence_of
+from grounding.query import Query
 from grounding.vocabulary import POSITIONS, REFUSED
 
 # What replies without further words do.
@@ -92,6 +95,8 @@ _WITHOUT_COMMAND = ("seen", "cancel")
 _BEFORE_REASONS = ("cancel", "any", "yes", "neither", "thanks", "undo", "why")
 # Manoeuvres that only the grammar knows: "a bit faster" is no shift.
 _OF_THE_GRAMMAR = (*REFUSED, "faster")
+# Acts that change where we stand.
+_MOVING = ("shift", "more", "place")
 # Replies about the words that follow them.
 _ABOUT_WORDS: Mapping[str, Callable[[Conversation, str, str], Answer]] = {
     "seek": look_for,
@@ -174,12 +179,16 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
         if act in ("describe", "place") and not reply.kinds and talk.readings(text)[0].problem:
             return ask_to_stop(talk, text, reply.rest)
         if act == "remark" and turn.is_certain and is_misunderstood(_answer(talk, text, reply, None)):
+            notice(talk, text)
             return keep(talk, text)  # "twelve hours to go, wish me luck"
         return _ACTS[act](talk, text) if act in _WITHOUT_COMMAND else None
     if refused := refuse_described(talk, text, reply.rest):
         return refused
     if _says_more(talk, reply, turn) or talk.read(reply.rest or text).query.manoeuvre in _OF_THE_GRAMMAR:
         return None
+    if act in _MOVING and state.request is not None and goes_onto_pavement(talk.read(reply.rest or text).tokens):
+        climbing = merge_request(state.request, Query(text, manoeuvre="pavement"))
+        return talk.take(state.with_request(climbing))  # "half up on the pavement": it is refused
     if act == "drop" and (dropped := drop_step_number(talk, text, turn.number)):
         return dropped
     if turn.leaves_out and (dropped := drop_step_at(talk, text, turn.leaves_out)):

@@ -278,7 +278,9 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     if number is None and act == "number" and len(tokens) <= _FEWEST_WORDS:
         number = next((_HEARD_NUMBERS[one.text] for one in tokens if one.text in _HEARD_NUMBERS), None)
     counted = any(one.category is WordCategory.NUMBER for one in tokens) and len(tokens) <= _FEW_WORDS
-    if distance_m is None and act in _MEASURED and counted:
+    # "Leave six".
+    bare = act == "place" and all(prediction.best(field) == NONE for field in ("relation", "noun", "colour"))
+    if distance_m is None and (act in _MEASURED or bare) and counted:
         distance_m = number and float(number)  # "three more": metres
     needed = _least_probability(talk, reply, reading, act, own)
     # To drop the only step is to drop all.

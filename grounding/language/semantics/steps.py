@@ -60,6 +60,8 @@ def _is_contained(step: Query, steps: Sequence[tuple[bool, Query]], at: int) -> 
     later = [other for _, other in steps[at + 1 :]]
     sides = step.direction or step.goal_side or step.road_side
     bare = step.referent is None and not (step.secondary or sides or step.distance_m)
+    if step.action == "avoid":  # "pull over behind it, but stay well back"
+        return any(step.referent is None or _same_vehicle(step, other) for _, other in steps[:at])
     if step.action in _ON_THE_WAY and later:
         return bare or _same_vehicle(step, later[0])
     said_in_full = bool(later) and later[0].action == step.action  # "find a place to park behind the van"

@@ -85,11 +85,14 @@ def _tag_without_noun(token: Token) -> Token:
 
 
 def tag_possessive(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
-    """Tag "whose" as a relative pronoun, "her" before a verb as a pronoun, other possessives as determiners."""
+    """Tag "whose" as a relative pronoun, "her" before a verb as a pronoun, others as determiners."""
     if token.text == "whose":
         return token.with_category(WordCategory.WHICH)
     if token.text == "her" and category_at(after, 0) is WordCategory.VERB and not after[0].form:
         return token.with_category(WordCategory.PRONOUN)  # "let her cross"
+    said_last = len(after) == 1 or category_at(after, 1) in (WordCategory.COMMA, WordCategory.BREAK)
+    if token.text == "its" and category_at(after, 0) is WordCategory.COLOUR and said_last:
+        return token.with_category(WordCategory.PRONOUN)  # "behind the van, its white"
     return tag_determiner(before, token, after)
 
 
