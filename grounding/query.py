@@ -71,7 +71,8 @@ class Referent:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the referent with the keys of labelled command files."""
-        return {
+        named = {"clothes": self.clothes} if self.clothes else {}  # the labelled files have no such key
+        return named | {
             "noun": self.noun,
             "noun_alt": ["bicycle"] if self.head == "bike" else [],
             "head": self.head,
@@ -81,7 +82,6 @@ class Referent:
             "number": self.number,
             "anaphora": self.anaphora,
             "extra": list(self.extra),
-            "clothes": self.clothes,
         }
 
     def phrase(self) -> str:
