@@ -236,6 +236,11 @@ def plan_place(
     references = [one for one in (item, partner) if one]
     search = CandidateSearch(candidate_sets, scene, road, references, _excluded_cells(forbidden, road), limits)
     best, way = search.find_reachable(1 + _RUNNERS_UP)
+    if not best and (later := road.after_traffic(references)) is not None:
+        again = CandidateSearch(candidate_sets, scene, later, references, _excluded_cells(forbidden, road), limits)
+        best, way = again.find_reachable(1 + _RUNNERS_UP)
+        search = again if best else search
+        reasons = [*reasons, "the way is free once those ahead of us have driven on"] if best else reasons
     if not best or way is None:
         return _plan_without_target(search, item, reasons)
     target, *others = (to_target(candidate, scene, road) for candidate in best)

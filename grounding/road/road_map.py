@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
@@ -15,10 +15,10 @@ from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import wrap_angle
 from appocc.grid import BEVGrid
-from appocc.motion_state import MOVING_MPS
+from appocc.motion_state import DRIVING_MPS, MOVING_MPS
 from grounding.road.car_paths import MOST_BACK_M, CarPaths
 from grounding.road.edges import cells_to_edge, cells_to_marking
-from grounding.road.free_space import OFF_ROAD, TAKEN, UNKNOWN, FreeSpace
+from grounding.road.free_space import OFF_ROAD, TAKEN, UNKNOWN, FreeSpace, cover_cells
 from grounding.road.junctions import find_junctions
 from grounding.road.landmarks import NO_LANDMARKS, Landmarks
 from grounding.road.lane_model import Centreline
@@ -33,6 +33,8 @@ from grounding.scene_object import SceneObject
 _MAX_START_M = 6.0
 # Cells this near to the footprint of the ego count as free.
 _START_MARGIN_M = 0.3
+# Cells around the box of a vehicle that may be its own on a map.
+_EDGE_CELLS = 1
 # Holes of up to this many cells in the road of a predicted map are filled.
 _HOLE_CELLS = 6
 # Path direction is measured over this many steps. Thresholds on cosines: of path and axis, below which the path
@@ -164,6 +166,25 @@ class RoadMap:
         """Return the poses that the ego reaches as a car drives, with at most some metres backwards."""
         paths = CarPaths(self.grid, self.ego, self.start, self.clearance_m, self.extra_cost, most_back_m)
         return self._cars.setdefault(most_back_m, paths)
+
+    def after_traffic(self, kept: Sequence[SceneObject] = ()) -> RoadMap | None:
+        """Return the road map whose ways are free of the vehicles ahead that drive the way we do; None without any.
+
+        They have driven on when we get there. What `kept` holds stays in the way; so do all at a goal.
+        """
+        leaving = [one for one in self.free_space.objects if one not in kept and self._drives_on(one)]
+        if not leaving:
+            return None
+        under = ndimage.binary_dilation(cover_cells(self.grid, leaving), iterations=_EDGE_CELLS)
+        free = self.drivable & (((self.free_space.cell_flags & TAKEN) == 0) | under)
+        clearance_m = _distance_m(self.grid, _cells_below(self.grid, self.start, self.ego) | free)
+        return replace(self, clearance_m=clearance_m)
+
+    def _drives_on(self, item: SceneObject) -> bool:
+        """Return whether a vehicle ahead certainly drives the way we do."""
+        ahead = float((item.centre_m - self.start.xy_m) @ self.start.ahead) > 0
+        same_way = np.cos(item.yaw_rad - self.start.heading_rad) > _PARALLEL
+        return bool(ahead and same_way and item.front_known and (item.speed_mps or 0.0) > DRIVING_MPS)
 
     @cached_property
     def junctions(self) -> BoolArray:
