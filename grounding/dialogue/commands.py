@@ -49,7 +49,7 @@ def answer_command(
     readings = talk.readings(words, talk.antecedent, alone=talk.is_opening and words == text)
     if not is_understood(readings[0]) and not names_pronoun(readings[0]):
         alone = talk.readings(words)  # with the network, which reads sentences that stand alone
-        readings = readings if alone[0].problem else alone
+        readings = readings if alone[0].problem or alone[0].query.unresolved else alone
     if turn is not None:
         readings = (turn.as_command(readings[0]), *readings[1:])
     if readings[0].problem:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -95,6 +96,9 @@ _WITHOUT_COMMAND = ("seen", "cancel")
 _BEFORE_REASONS = ("cancel", "any", "yes", "neither", "thanks", "undo", "why")
 # Manoeuvres that only the grammar knows: "a bit faster" is no shift.
 _OF_THE_GRAMMAR = (*REFUSED, "faster")
+_INSTEAD = re.compile(r"\b(?:instead|rather)\b(?! of)", re.IGNORECASE)
+# Least probability of a remark at the beginning where the grammar is lost.
+_SURE_REMARK = 0.75
 # Acts that change where we stand.
 _MOVING = ("shift", "more", "place")
 # Replies about the words that follow them.
@@ -178,7 +182,7 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     if talk.is_opening:
         if act in ("describe", "place") and not reply.kinds and talk.readings(text)[0].problem:
             return ask_to_stop(talk, text, reply.rest)
-        if act == "remark" and turn.is_certain and is_misunderstood(_answer(talk, text, reply, None)):
+        if act == "remark" and turn.sure >= _SURE_REMARK and is_misunderstood(_answer(talk, text, reply, None)):
             notice(talk, text)
             return keep(talk, text)  # "twelve hours to go, wish me luck"
         return _ACTS[act](talk, text) if act in _WITHOUT_COMMAND else None
@@ -272,7 +276,8 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
     turn = turn if turn is not None and turn.act in ("command", "then") else None
     # "Forget that then, go behind the van" begins anew.
     then = ("then" in reply.kinds and "cancel" not in reply.kinds) or (turn is not None and turn.act == "then")
-    if turn is not None and turn.act == "then" and turn.is_certain and reply.rest:
+    then = then and not _INSTEAD.search(text)  # "then put me behind the van instead"
+    if then and turn is not None and turn.act == "then" and turn.is_certain and reply.rest:
         return answer_command(talk, text, reply.rest, then=True, turn=turn)
     if answer := _answer_reply(talk, text, reply):
         return answer

@@ -52,6 +52,7 @@ _ASKING = ("seek", "count", "room")
 _BEFORE_COMMA = ("aside",)
 # Least letters of a word in another spelling.
 _LEAST_RESPELLED = 3
+_ANYBODY = ("any", "anyone", "anybody", "someone", "somebody")
 # Preposition before the vehicle that a shift names: "closer to the van". It begins the rest of the reply.
 _TO_VEHICLE = {"near": "to", "away": "from"}
 _SKIPPED = (WordCategory.FILLER, WordCategory.COMMA, WordCategory.BREAK, WordCategory.CORRECT)
@@ -109,8 +110,11 @@ def read_reply(text: str, lexicon: Lexicon | None = None) -> Reply:
     if number is not None:
         return Reply(number=number)
     kinds, rest = _split(words, lexicon)
-    if kinds[-1:] == ("any",) and rest and text.rstrip().endswith("?"):
+    asks = text.rstrip().endswith("?")
+    if kinds[-1:] == ("any",) and rest and asks:
         kinds = (*kinds[:-1], "seek")  # "any trucks about?" asks whether there is one
+    if not kinds and rest and rest[0] in _ANYBODY and asks:
+        kinds = ("seek",)  # "anyone waiting there?"
     if kinds and kinds[-1] in _BEFORE_NUMBERS and (number := _number(rest, lexicon)) is not None:
         return Reply(kinds, "", number)
     if (number := _ordinal(rest, lexicon)) is not None:
