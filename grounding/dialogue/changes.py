@@ -98,7 +98,9 @@ def _told_apart(talk: Conversation, reply: Reply, turn: Turn) -> list[Candidate]
     if turn.act != "describe":
         return []
     distance_m = named_distance(reply.rest, talk.grounder.lexicon)
-    if question is None and distance_m is not None and (named := turn.described(talk.antecedent)):
+    spoken_of = talk.antecedent
+    plain = Referent(spoken_of.noun, spoken_of.head) if spoken_of is not None else None
+    if question is None and distance_m is not None and (named := turn.described(plain)):
         every = resolve(Query("", referent=replace(named, qualifiers=(), definite=False)), talk.scene).candidates
         return find_at_distance(distance_m, every, talk.scene)  # "no, the one about 25 metres ahead"
     if question is None or len(question.candidates) < 2:
@@ -246,7 +248,7 @@ def _take_changed(talk: Conversation, changed: Request, said: Query) -> Answer:
     """Plan a changed step; of several vehicles that a plain noun phrase fits, "the van" is the one spoken of."""
     if changed.chosen is None and talk.state.question is None:
         found = resolve(changed.query, talk.scene)
-        again = talk.in_focus(found.candidates, said) if found.status == "ambiguous" else None
+        again = talk.in_focus(said) if found.status == "ambiguous" else None
         changed = replace(changed, chosen=again)
     return talk.take(talk.state.with_request(changed))
 

@@ -84,7 +84,7 @@ def answer_command(
     if forbidden := _forbidden_action(state.plan, first):
         return drop_steps(talk, text, forbidden)
     asks = answer.status == "ambiguous" and not state.question
-    if asks and (again := talk.in_focus(answer.candidates, first.query)):
+    if asks and (again := talk.in_focus(first.query)):
         return talk.take([replace(requests_of(answer.reading)[-1], chosen=again)], then)
     if first.query.action == "avoid" and len(first.steps) == 1 and state.goal is not None and not then:
         return inform(talk, text, "the goal stays as it is: we keep clear of others on the way")

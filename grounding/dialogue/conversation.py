@@ -17,7 +17,7 @@ from grounding.language import Reading
 from grounding.language.reader.network import Prediction
 from grounding.language.reader.turns import State
 from grounding.query import Query, Referent
-from grounding.referent.resolver import Candidate
+from grounding.referent.resolver import Candidate, find_all
 from grounding.referent.scene import SceneModel
 
 if TYPE_CHECKING:
@@ -103,12 +103,12 @@ class Conversation:
         known = [one for one in alike if one.item.id in ids]
         return known[0] if len(alike) > 1 and len(known) == 1 else None
 
-    def in_focus(self, candidates: Sequence[Candidate], query: Query) -> Candidate | None:
-        """Return the candidate that was spoken of last, if a query names it by a plain noun phrase: "the van"."""
+    def in_focus(self, query: Query) -> Candidate | None:
+        """Return the vehicle that was spoken of last, if a query names it by a plain noun phrase: "the van"."""
         named, focus = query.referent, self.state.focus
         if focus is None or named is None or not named.definite or named.qualifiers or named.colour:
             return None
-        return next((one for one in candidates if one.item.id == focus[0].item.id), None)
+        return focus[0] if any(one.id == focus[0].item.id for one in find_all(named, self.scene)) else None
 
     @property
     def is_opening(self) -> bool:
