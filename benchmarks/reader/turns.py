@@ -28,9 +28,8 @@ STATES: tuple[State, ...] = get_args(State)
 # Phrases of each pattern of replies.
 _PHRASES = 3
 _LISTS = ("act_alt", "action_alt", "relation_alt", "secondary", "excluded")
-# How often a turn of a whole conversation, one written alone, one of the phrase book, a whole command, another
-# sentence, and a phrase of the patterns are drawn.
-_IN_TALK, _TURN, _BOOK, _WHOLE, _REJECTED, _PATTERN = 4.0, 2.0, 1.0, 0.15, 0.05, 0.25
+# How often a turn, one of the phrase book, a whole command, another sentence, and a phrase of the patterns are drawn.
+_TURN, _BOOK, _WHOLE, _REJECTED, _PATTERN = 2.0, 1.0, 0.15, 0.05, 0.25
 # Acts that may name a vehicle, a place, and an action: where one names none, that is learnt too.
 _OF_VEHICLES = ("describe", "place", "command", "then", "count", "seek")
 _OF_PLACES = ("describe", "place", "command", "then")
@@ -48,10 +47,7 @@ def read_turns() -> list[Sentence]:
     Raises:
         DataError: if a line is invalid.
     """
-    labels = _read_labels(TURNS)
-    weights = (_IN_TALK if label["speaker"].startswith("talk_") else _TURN for label in labels)
-    pairs = zip(labels, weights, strict=True)
-    return [Sentence(label, f"stranger {label['speaker']}", weight) for label, weight in pairs]
+    return [Sentence(label, f"stranger {label['speaker']}", _TURN) for label in _read_labels(TURNS)]
 
 
 def read_unseen_turns() -> list[Sentence]:
