@@ -59,8 +59,18 @@ ShiftDirection = Literal["away", "near", "ahead", "back", "leftwards", "rightwar
 POSITIONS: Mapping[str, int] = {"first": 1, "second": 2, "third": 3, "fourth": 4}
 ORDINALS: Mapping[str, int] = {**POSITIONS, "next": 1}
 # Ways to drive that a verb names beyond its action, and those of them that are refused.
-Manoeuvre = Literal["onward", "back", "creep", "faster", "pavement", "oncoming_lane", "red_light", "push"]
-REFUSED: tuple[str, ...] = ("pavement", "oncoming_lane", "red_light", "push")
+Manoeuvre = Literal[
+    "onward",
+    "back",
+    "creep",
+    "faster",
+    "pavement",
+    "oncoming_lane",
+    "red_light",
+    "push",
+    "double_park",
+]
+REFUSED: tuple[str, ...] = ("pavement", "oncoming_lane", "red_light", "push", "double_park")
 ACTIONS: tuple[str, ...] = get_args(Action)
 RELATIONS: tuple[str, ...] = get_args(Relation)[1:]  # without "none"
 STATES: tuple[str, ...] = get_args(State)

@@ -174,9 +174,9 @@ class Conversation:
             if focus is not None:
                 state = replace(state, focus=focus, topic=None)
         elif answer.plan.refused and not answer.question:  # nothing is asked; the vehicle was spoken of
-            named = answer.referent, answer.query.referent
-            focus = (named[0], named[1]) if named[0] and named[1] else state.focus
-            state = replace(state, question=None, focus=focus)
+            vehicle, said_of_it = answer.referent, answer.query.referent
+            spoken_of = (vehicle, said_of_it) if vehicle and said_of_it else state.focus
+            state = replace(state, question=None, focus=spoken_of)
         elif answer.candidates or answer.alternatives or answer.plan.question:
             state = replace(state, question=answer, offered=answer.candidates)
         else:

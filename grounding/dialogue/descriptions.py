@@ -99,10 +99,13 @@ def _with_any_vehicle(query: Query, scene: SceneModel) -> Query:
     unknown = bool(referent.colour) and all(one.item.rgb is None for one in found.candidates[:1])
     if found.status == "ok" and not unknown:
         return query
-    wider = replace(query, referent=replace(referent, noun="vehicle", head="one"))
-    found = resolve(wider, scene)
-    unclear = found.status == "not_found" or (len(found.candidates) != 1 and found.status != "ok")
-    return query if unclear else wider
+    # A bike may be a bicycle.
+    for noun in (*(("bicycle",) if referent.head == "bike" else ()), "vehicle"):
+        wider = replace(query, referent=replace(referent, noun=noun, head=noun))
+        found = resolve(wider, scene)
+        if found.status == "ok" or (found.status == "ambiguous" and len(found.candidates) == 1):
+            return wider
+    return query
 
 
 def each_step(reading: Reading, change: Callable[[Query], Query]) -> Reading:

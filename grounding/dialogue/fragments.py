@@ -65,8 +65,8 @@ def goes_onto_pavement(tokens: Sequence[Token]) -> bool:
     named = [one for one in tokens if one.category is not WordCategory.THE]
     on_foot = any(one.category is WordCategory.PERSON for one in tokens)
     after = [*named[2:], None]
-    onto = (
-        one.value == "on" and thing.value == "sidewalk" and not (then and then.text == "side")  # "on the pavement side"
+    onto = (  # but not "on the pavement side"
+        one.value == "on" and thing.value == "sidewalk" and not (then and then.text == "side")
         for (one, thing), then in zip(pairwise(named), after, strict=False)
     )
     return not on_foot and any(onto)

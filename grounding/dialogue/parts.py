@@ -160,7 +160,9 @@ def _answer_each(talk: Conversation, parts: Sequence[Part], reasons: bool = True
         The answer to the last part that chooses or changes something, else to the last question. A part that comes
         to nothing, and asks for nothing new, is a reason: "The second one. It's right outside my house".
     """
-    several = any(not (one.is_aside or one.is_reply) for one in parts)
+    asked = talk.state.question is not None
+    # "No? Hm. What cars are there?" refuses nothing where nothing is asked.
+    several = any(not (one.is_reply or (one.is_aside and (asked or one.is_chat))) for one in parts)
     answer = aside = None
     until = talk.state
     for i, one in enumerate(parts):
@@ -181,8 +183,8 @@ def _answer_each(talk: Conversation, parts: Sequence[Part], reasons: bool = True
     if answer is None or aside is None or not _came_to_nothing(answer, parts):
         return answer or aside
     talk.state = until
-    asked = until.question.question if until.question else ""
-    return replace(aside, question=asked)  # "Ours is grey. Is there a grey trailer anywhere?"
+    question = until.question.question if until.question else ""
+    return replace(aside, question=question)  # "Ours is grey. Is there a grey trailer anywhere?"
 
 
 def _came_to_nothing(answer: Answer, parts: Sequence[Part]) -> bool:

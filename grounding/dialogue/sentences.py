@@ -123,7 +123,7 @@ def answer_sentence(talk: Conversation, text: str) -> Answer:
         answer = _answer_likely(talk, text, reply, guess) or keep(talk, text)
     answer = answer or _answer(talk, text, reply, turn)
     if guess is not None and not guess.is_likely_command and before.goal is not None:
-        if answer.query.manoeuvre == "onward":
+        if answer.query.manoeuvre == "onward" and answer.query.referent is None and answer.query.relation == "none":
             talk.state = before
             return confirm(talk, text)  # "do carry on"
         if _names_no_place(answer):

@@ -272,6 +272,8 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     detailed = own[0] in _DETAILED.get(act, ()) and says_it
     if (act == own[0] and act not in ("command", "undo")) or detailed:
         return None  # the patterns of replies, or the grammar, know the details
+    if act == "cancel" and own[0] == "no" and own[1] == 1:
+        return None  # "leave it as it is" gives nothing up
     if act == "place" and own[0] == "command" and reading.query.relation == prediction.best("relation") != NONE:
         return None  # "wait behind it then" is another action too
     number, distance_m = reply.number or _number(tokens), named_distance(text, talk.grounder.lexicon)

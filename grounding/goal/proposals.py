@@ -47,6 +47,7 @@ _REFUSALS = {
     "pavement": "the pavement is for people on foot: no place on it will do",
     "oncoming_lane": "the oncoming lane is for those who come towards us: no place in it will do",
     "red_light": "a red light means stop: it is not to be passed",
+    "double_park": "a second row blocks the lane: we stop at the kerb",
     "push": "another vehicle is not to be touched: we wait behind it or drive around it",
 }
 _OFF_ROAD_NOUNS = ("pavement", "sidewalk", "footpath")
