@@ -86,7 +86,8 @@ def answer_command(
     asks = answer.status == "ambiguous" and not state.question
     if asks and (again := talk.in_focus(first.query)):
         return talk.take([replace(requests_of(answer.reading)[-1], chosen=again)], then)
-    if first.query.action == "avoid" and len(first.steps) == 1 and state.goal is not None and not then:
+    careful = first.query.action == "avoid" and first.query.relation == "none" and len(first.steps) == 1
+    if careful and state.goal is not None and not then:  # "don't splash her"
         return inform(talk, text, "the goal stays as it is: we keep clear of others on the way")
     if edits and not then and (edited := replace_step(talk, requests_of(answer.reading))):
         return edited

@@ -13,6 +13,7 @@ from grounding.answering import Request
 from grounding.query import Query
 from grounding.vocabulary import REFUSED
 
+# Actions that staying behind a vehicle replaces.
 _PASSING = ("overtake", "drive_past")
 
 

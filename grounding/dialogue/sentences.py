@@ -97,6 +97,13 @@ _BEFORE_REASONS = ("cancel", "any", "yes", "neither", "thanks", "undo", "why")
 # Manoeuvres that only the grammar knows: "a bit faster" is no shift.
 _OF_THE_GRAMMAR = (*REFUSED, "faster")
 _INSTEAD = re.compile(r"\b(?:instead|rather)\b(?! of)", re.IGNORECASE)
+# "So you're not going to the silver car, right?" asks, whatever vehicle it names.
+_ASKS_PLAN = re.compile(
+    r"(?!.*\b(?:can|could|would|will) you\b)"  # who asks for something else
+    r"(?:so|and|but|then|okay|ok|right|wait)?,? ?(?:you|we)(?:'re| are|'d be|'ll be| will be| would be) "
+    r"(?:not |still )?(?:going|heading|stopping|parking|standing|parked|aiming)\b.*\?$",
+    re.IGNORECASE | re.DOTALL,
+)
 # Least probability of a remark at the beginning where the grammar is lost.
 _SURE_REMARK = 0.75
 # Acts that change where we stand.
@@ -112,6 +119,8 @@ _ABOUT_WORDS: Mapping[str, Callable[[Conversation, str, str], Answer]] = {
 def answer_sentence(talk: Conversation, text: str) -> Answer:
     """Answer a sentence by the likeliest act if it is certain, else by the grammar, else by the other likely acts."""
     before = talk.state
+    if before.goal is not None and _ASKS_PLAN.match(text.strip()):
+        return tell_goal(talk, text)
     reply = read_reply(text, talk.grounder.lexicon)
     guess = read_turn(talk, text, reply)
     turn = guess if guess is not None and guess.is_sure else None
@@ -182,7 +191,7 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     if talk.is_opening:
         if act in ("describe", "place") and not reply.kinds and talk.readings(text)[0].problem:
             return ask_to_stop(talk, text, reply.rest)
-        if act == "remark" and turn.sure >= _SURE_REMARK and is_misunderstood(_answer(talk, text, reply, None)):
+        if act == "remark" and turn.sure >= _SURE_REMARK and _is_lost(talk, text, reply):
             notice(talk, text)
             return keep(talk, text)  # "twelve hours to go, wish me luck"
         return _ACTS[act](talk, text) if act in _WITHOUT_COMMAND else None
@@ -221,6 +230,14 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     if act == "undo":
         return go_back(talk, text, turn.described(None), turn.number)
     return _ACTS[act](talk, text) if act in _ACTS else None
+
+
+def _is_lost(talk: Conversation, text: str, reply: Reply) -> bool:
+    """Return whether the grammar alone would misunderstand a sentence; the state stays as it is."""
+    before = talk.state
+    lost = is_misunderstood(_answer(talk, text, reply, None))
+    talk.state = before
+    return lost
 
 
 def _says_more(talk: Conversation, reply: Reply, turn: Turn) -> bool:

@@ -72,6 +72,18 @@ def test_what_names_no_other_place_keeps_the_goal(text: str) -> None:
     assert referent(session.goal) == "b"
 
 
+@pytest.mark.parametrize(
+    "text", ["so you're not going to the red car, right?", "So we'd be standing behind the green one, correct?"]
+)
+def test_who_asks_about_the_plan_changes_nothing(text: str) -> None:
+    session = row()
+    session.say("park behind the blue car")
+    answer = session.say(text)
+    assert (answer.status, referent(answer)) == ("ok", "b"), answer.text()
+    assert session.goal is not None
+    assert referent(session.goal) == "b"
+
+
 def test_the_first_choice_is_the_oldest_plan() -> None:
     session = row()
     for text in ("park behind the red car", "behind the blue one", "behind the green one"):
@@ -176,3 +188,26 @@ def test_a_step_names_any_vehicle_of_its_colour() -> None:
     answer = session.say("wait for the red one, then overtake the truck")
     assert [step.query.action for step in answer.steps] == ["wait", "overtake"], answer.text()
     assert referent(answer.steps[0]) == "red"
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ("park behind the second car, not the first", "b"),
+        ("park behind the third car, not the second", "c"),
+        ("park behind a car but not the first one", "b"),
+    ],
+)
+def test_places_in_a_row_count_all(text: str, meant: str) -> None:
+    answer = row().say(text)
+    assert (answer.status, referent(answer)) == ("ok", meant), answer.text()
+
+
+def test_traffic_ahead_does_not_block_the_way_to_the_kerb() -> None:
+    street = Street().car("a", 14, -6.5, RED).car("b", 31, -6.5, BLUE)
+    street.car("bus", 20, -3.2, WHITE, speed_mps=6.0, size_wlh_m=(2.5, 11.0, 3.2), category="vehicle.bus.rigid")
+    for y_m in (0.6, 3.6, 6.6):  # nothing passes on the left
+        street.car(f"queue {y_m}", 18, y_m, GREEN, speed_mps=0.0, size_wlh_m=(2.8, 14.0, 3.0))
+    answer = street.grounder().ground("stop in front of the red car")
+    assert answer.status == "ok", answer.text()
+    assert any("have driven on" in reason for reason in answer.reasons)
