@@ -60,6 +60,13 @@ _MOST_CUTS = 12
 _VERB_CATEGORIES = (WordCategory.VERB, WordCategory.NONDRIVE, WordCategory.MEANWHILE)
 
 
+def carries_on(reading: Reading) -> bool:
+    """Return whether a command only says "carry on", which agrees with a goal; "keep driving" gives it up."""
+    query = reading.query
+    named = query.referent is not None or query.relation != "none"
+    return not named and any(token.text == "carry on" for token in reading.tokens)
+
+
 def goes_onto_pavement(tokens: Sequence[Token]) -> bool:
     """Return whether some words name no person, and a place on the pavement."""
     named = [one for one in tokens if one.category is not WordCategory.THE]

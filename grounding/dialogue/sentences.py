@@ -38,7 +38,7 @@ from grounding.dialogue.choices import (
 )
 from grounding.dialogue.commands import answer_command, ask_to_stop
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.fragments import complete, goes_onto_pavement, has_verb, names_pronoun
+from grounding.dialogue.fragments import carries_on, complete, goes_onto_pavement, has_verb, names_pronoun
 from grounding.dialogue.merging import merge_request
 from grounding.dialogue.reports import (
     ask_again,
@@ -132,7 +132,7 @@ def answer_sentence(talk: Conversation, text: str) -> Answer:
         answer = _answer_likely(talk, text, reply, guess) or keep(talk, text)
     answer = answer or _answer(talk, text, reply, turn)
     if guess is not None and not guess.is_likely_command and before.goal is not None:
-        if answer.query.manoeuvre == "onward" and answer.query.referent is None and answer.query.relation == "none":
+        if answer.query.manoeuvre == "onward" and carries_on(answer.reading):
             talk.state = before
             return confirm(talk, text)  # "do carry on"
         if _names_no_place(answer):

@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import Any, get_args
 
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.fragments import has_verb, is_understood, names_pronoun
+from grounding.dialogue.fragments import carries_on, has_verb, is_understood, names_pronoun
 from grounding.language import Reading, WordCategory
 from grounding.language.reader.fields import ACTS, FIELDS, NONE
 from grounding.language.reader.network import Numbers, Prediction
@@ -268,7 +268,7 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     # "Hold up, wait a sec" is a pause, a bare "wait" a command.
     says_it = own[0] != "command" or _names_something(reading) or len(reading.tokens) == 1
     # "Do carry on" agrees with the goal in force.
-    says_it = says_it and reading.query.manoeuvre != "onward"
+    says_it = says_it and not carries_on(reading)
     detailed = own[0] in _DETAILED.get(act, ()) and says_it
     if (act == own[0] and act not in ("command", "undo")) or detailed:
         return None  # the patterns of replies, or the grammar, know the details

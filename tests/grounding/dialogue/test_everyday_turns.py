@@ -61,6 +61,14 @@ def test_who_carries_on_keeps_the_goal(text: str) -> None:
     assert goal.target.cell == before.target.cell
 
 
+@pytest.mark.parametrize("text", ["just keep driving", "No no, I've changed my mind, just carry on driving"])
+def test_who_drives_on_gives_the_goal_up(text: str) -> None:
+    session = row()
+    session.say("park behind the blue car")
+    session.say(text)
+    assert session.goal is None or referent(session.goal) is None
+
+
 @pytest.mark.parametrize(
     "text", ["can we stay there about ten minutes?", "wait there for me", "don't splash the red car"]
 )
