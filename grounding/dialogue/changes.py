@@ -9,7 +9,7 @@ from dataclasses import replace
 from grounding.answer import Answer
 from grounding.answering import Request, without
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.descriptions import find_at_distance, find_beside, find_fitting, reading_of, widen
+from grounding.dialogue.descriptions import any_of, find_at_distance, find_beside, find_fitting, reading_of, widen
 from grounding.dialogue.fragments import (
     begins_with_place,
     complete,
@@ -101,7 +101,7 @@ def _told_apart(talk: Conversation, reply: Reply, turn: Turn) -> list[Candidate]
     spoken_of = talk.antecedent
     plain = Referent(spoken_of.noun, spoken_of.head) if spoken_of is not None else None
     if question is None and distance_m is not None and (named := turn.described(plain)):
-        every = resolve(Query("", referent=replace(named, qualifiers=(), definite=False)), talk.scene).candidates
+        every = resolve(any_of(Query("", referent=replace(named, qualifiers=()))), talk.scene).candidates
         return find_at_distance(distance_m, every, talk.scene)  # "no, the one about 25 metres ahead"
     if question is None or len(question.candidates) < 2:
         return []

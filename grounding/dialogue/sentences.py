@@ -96,6 +96,7 @@ _WITHOUT_COMMAND = ("seen", "cancel")
 _BEFORE_REASONS = ("cancel", "any", "yes", "neither", "thanks", "undo", "why")
 # Manoeuvres that only the grammar knows: "a bit faster" is no shift.
 _OF_THE_GRAMMAR = (*REFUSED, "faster")
+# "Then put me behind the van instead" is no further step.
 _INSTEAD = re.compile(r"\b(?:instead|rather)\b(?! of)", re.IGNORECASE)
 # "So you're not going to the silver car, right?" asks, whatever vehicle it names.
 _ASKS_PLAN = re.compile(
@@ -197,9 +198,10 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
         return _ACTS[act](talk, text) if act in _WITHOUT_COMMAND else None
     if refused := refuse_described(talk, text, reply.rest):
         return refused
-    if _says_more(talk, reply, turn) or talk.read(reply.rest or text).query.manoeuvre in _OF_THE_GRAMMAR:
+    reading = talk.read(reply.rest or text)
+    if _says_more(talk, reply, turn) or reading.query.manoeuvre in _OF_THE_GRAMMAR:
         return None
-    if act in _MOVING and state.request is not None and goes_onto_pavement(talk.read(reply.rest or text).tokens):
+    if act in _MOVING and state.request is not None and goes_onto_pavement(reading.tokens):
         climbing = merge_request(state.request, Query(text, manoeuvre="pavement"))
         return talk.take(state.with_request(climbing))  # "half up on the pavement": it is refused
     if act == "drop" and (dropped := drop_step_number(talk, text, turn.number)):
@@ -293,7 +295,7 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
     turn = turn if turn is not None and turn.act in ("command", "then") else None
     # "Forget that then, go behind the van" begins anew.
     then = ("then" in reply.kinds and "cancel" not in reply.kinds) or (turn is not None and turn.act == "then")
-    then = then and not _INSTEAD.search(text)  # "then put me behind the van instead"
+    then = then and not _INSTEAD.search(text)
     if then and turn is not None and turn.act == "then" and turn.is_certain and reply.rest:
         return answer_command(talk, text, reply.rest, then=True, turn=turn)
     if answer := _answer_reply(talk, text, reply):

@@ -234,13 +234,15 @@ def plan_place(
         limits = replace(limits, our_side=drives and query.action == "approach" and query.relation in _TOWARDS)
     candidate_sets = [_with_costs(each, query, limits, road) for each in proposed]
     references = [one for one in (item, partner) if one]
-    search = CandidateSearch(candidate_sets, scene, road, references, _excluded_cells(forbidden, road), limits)
+    excluded = _excluded_cells(forbidden, road)
+    search = CandidateSearch(candidate_sets, scene, road, references, excluded, limits)
     best, way = search.find_reachable(1 + _RUNNERS_UP)
     if not best and (later := road.after_traffic(references)) is not None:
-        again = CandidateSearch(candidate_sets, scene, later, references, _excluded_cells(forbidden, road), limits)
+        again = CandidateSearch(candidate_sets, scene, later, references, excluded, limits)
         best, way = again.find_reachable(1 + _RUNNERS_UP)
-        search = again if best else search
-        reasons = [*reasons, "the way is free once those ahead of us have driven on"] if best else reasons
+        if best:
+            search = again
+            reasons = [*reasons, "the way is free once those ahead of us have driven on"]
     if not best or way is None:
         return _plan_without_target(search, item, reasons)
     target, *others = (to_target(candidate, scene, road) for candidate in best)

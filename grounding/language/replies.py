@@ -52,6 +52,7 @@ _ASKING = ("seek", "count", "room")
 _BEFORE_COMMA = ("aside",)
 # Least letters of a word in another spelling.
 _LEAST_RESPELLED = 3
+# Words that begin a question for somebody.
 _ANYBODY = ("any", "anyone", "anybody", "someone", "somebody")
 # Preposition before the vehicle that a shift names: "closer to the van". It begins the rest of the reply.
 _TO_VEHICLE = {"near": "to", "away": "from"}
