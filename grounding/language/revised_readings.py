@@ -29,8 +29,13 @@ def evidence_of(reading: Reading) -> Evidence:
     doubtful = bool(reading.doubt or reading.query.unresolved)
     words = [token for token in reading.tokens if token.category not in _MARKS]
     unknown = sum(token.category is WordCategory.UNKNOWN for token in words)
-    contrary = any(token.category in _POLARITY for token in words) or any(map(_stops_doing, words, words[1:]))
+    contrary = any(map(_negates, words)) or any(map(_stops_doing, words, words[1:]))
     return Evidence(len(reading.dropped), len(reading.corrections), doubtful, unknown, len(words), contrary)
+
+
+def _negates(token: Token) -> bool:
+    """Return whether a word negates, excepts or corrects something: "not", "not far from"."""
+    return token.category in _POLARITY or "not" in token.text.split()
 
 
 def _stops_doing(token: Token, following: Token) -> bool:

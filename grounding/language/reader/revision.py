@@ -212,7 +212,7 @@ def _with_values(query: Query, values: Mapping[str, str], prediction: Prediction
     """Return a query with the given values; what hangs on a changed value changes with it."""
     if values["noun"] == "person":
         query = _about_person(query)
-    referent = _referent(query.referent, values, prediction.likely_qualifiers, prediction.head)
+    referent = _referent(query.referent, values, _own_qualifiers(query, prediction), prediction.head)
     if referent is not None and _is_excluded(referent, query.excluded) and referent != query.referent:
         referent = query.referent  # the command excludes the other one
     action: Any = values["action"]
@@ -235,6 +235,13 @@ def _with_values(query: Query, values: Mapping[str, str], prediction: Prediction
         unresolved="" if referent is not None else query.unresolved,
         sought=None if referent is not None else query.sought,
     )
+
+
+def _own_qualifiers(query: Query, prediction: Prediction) -> tuple[str, ...]:
+    """Return the network's qualifiers but those that the grammar finds at another thing: "the van and the first car"."""
+    of_others = {one for part in query.secondary for one in part.qualifiers}
+    own = query.referent.qualifiers if query.referent else ()
+    return tuple(one for one in prediction.likely_qualifiers if one in own or one not in of_others)
 
 
 def _about_person(query: Query) -> Query:

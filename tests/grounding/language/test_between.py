@@ -25,6 +25,13 @@ def test_a_pair_is_two() -> None:
     assert (query.relation, query.referent.number) == ("between", 2)
 
 
+def test_each_end_has_its_own_qualifiers() -> None:
+    query = parse("halt in the gap between the red van on the right and the first grey car on the left").query
+    assert query.referent is not None
+    assert (query.referent.noun, query.referent.qualifiers) == ("van", ("right_side",))
+    assert [(one.noun, {*one.qualifiers}) for one in query.secondary] == [("car", {"first", "left_side"})]
+
+
 def test_instead_is_no_landmark() -> None:
     for text in ("stop by him instead", "park behind the red car instead", "go in behind that insted"):
         reading = parse(text)
