@@ -238,7 +238,7 @@ def _with_values(query: Query, values: Mapping[str, str], prediction: Prediction
 
 
 def _own_qualifiers(query: Query, prediction: Prediction) -> tuple[str, ...]:
-    """Return the network's qualifiers but those that the grammar finds at another thing: "the van and the first car"."""
+    """Return the network's qualifiers but those that the grammar finds elsewhere: "the van and the first car"."""
     of_others = {one for part in query.secondary for one in part.qualifiers}
     own = query.referent.qualifiers if query.referent else ()
     return tuple(one for one in prediction.likely_qualifiers if one in own or one not in of_others)
