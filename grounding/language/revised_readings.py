@@ -11,7 +11,7 @@ from grounding.language.reader.reader import default_reader
 from grounding.language.reader.revision import Evidence, Revision
 from grounding.language.reading import Reading
 from grounding.language.syntax.tokenizer import Token
-from grounding.language.syntax.word_categories import WordCategory
+from grounding.language.syntax.word_categories import POLARITY, WordCategory
 from grounding.query import Query
 from grounding.vocabulary import REFUSED
 
@@ -20,7 +20,6 @@ _SURE = 0.5
 # The same where the grammar finds no command (a mere statement asks for nothing), and where an unknown word may be
 # the verb or the vehicle, or a negation may be read as its opposite.
 _SURE_ALONE, _SURE_GUESSED = 0.75, 0.8
-_POLARITY = (WordCategory.NOT, WordCategory.EXCEPT, WordCategory.CORRECT)
 _MARKS = (WordCategory.COMMA, WordCategory.BREAK)
 
 
@@ -35,7 +34,7 @@ def evidence_of(reading: Reading) -> Evidence:
 
 def _negates(token: Token) -> bool:
     """Return whether a word negates, excepts or corrects something: "not", "not far from"."""
-    return token.category in _POLARITY or "not" in token.text.split()
+    return token.category in POLARITY or "not" in token.text.split()
 
 
 def _stops_doing(token: Token, following: Token) -> bool:

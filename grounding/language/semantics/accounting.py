@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 from grounding.language.syntax.clauses import split_clauses
 from grounding.language.syntax.tokenizer import Token
-from grounding.language.syntax.word_categories import LIGHT_VERBS, MODIFIERS, NOUNS, WordCategory
+from grounding.language.syntax.word_categories import LIGHT_VERBS, MODIFIERS, NOUNS, POLARITY, WordCategory
 
-_POLARITY = frozenset((WordCategory.NOT, WordCategory.EXCEPT, WordCategory.CORRECT))
 # Categories whose words place the goal or choose the vehicle.
 _PLACING = frozenset(
     (
@@ -32,7 +31,7 @@ _PLACING = frozenset(
 # Of these, where to steer: they count with every verb, also with those that have no meaning of their own.
 _STEERING = (WordCategory.LANE, WordCategory.SIDE)
 _CONTENT = (
-    _POLARITY
+    POLARITY
     | _PLACING
     | MODIFIERS
     | NOUNS
@@ -88,7 +87,7 @@ def account_for(
     whole = build(tokens)
     content = [i for i, token in enumerate(tokens) if _is_content(token)]
     # Negations first: they are tested in a text of any length.
-    tested = sorted(content, key=lambda i: tokens[i].category not in _POLARITY)[: _MAX_TOKENS_READ // len(tokens)]
+    tested = sorted(content, key=lambda i: tokens[i].category not in POLARITY)[: _MAX_TOKENS_READ // len(tokens)]
     unused = [
         i for i in sorted(tested) if not _commands(tokens[i]) and build([*tokens[:i], *tokens[i + 1 :]]) == whole
     ]
@@ -103,7 +102,7 @@ def account_for(
     stated = commanding | steered
     replaced = _replaced_end(tokens)
     doubtful = [i for i in dropped if (repaired or tokens[i].start in stated) and _is_doubtful(tokens, i)]
-    doubtful = [i for i in doubtful if i >= replaced or tokens[i].category in _POLARITY]
+    doubtful = [i for i in doubtful if i >= replaced or tokens[i].category in POLARITY]
     doubtful += [i for i in range(len(tokens)) if _names_another(tokens, i)]
     dropped = sorted({*dropped, *doubtful})
     strange = [i for i in doubtful if tokens[i].category is WordCategory.UNKNOWN]
@@ -173,7 +172,7 @@ def _is_doubtful(tokens: Sequence[Token], i: int) -> bool:
         return not any(token.value == "change_lane" for token in tokens)
     if category is WordCategory.CORRECT:
         return following not in _COMMAND_STARTS
-    if category in _POLARITY:
+    if category in POLARITY:
         manner = tokens[i].text == "without" or following in (WordCategory.BREAK, WordCategory.PART)  # "not so fast"
         held = following is WordCategory.VERB and any(token.value in _UNTIL for token in tokens[i:])
         return not manner and not held
@@ -182,7 +181,7 @@ def _is_doubtful(tokens: Sequence[Token], i: int) -> bool:
         governs = governs or (following is WordCategory.TO and before in _CLAUSE_ENDS)
         return governs and not tokens[i].text.endswith(("ly", "ing", "ed"))
     if category is WordCategory.RELATION:  # "not the van, the car in front of it"
-        contrast = any(token.category in _POLARITY for token in tokens)
+        contrast = any(token.category in POLARITY for token in tokens)
         return contrast and following in (WordCategory.THE, WordCategory.PRONOUN, WordCategory.NOUN, WordCategory.NOT)
     if category is WordCategory.DIRECTION:
         joined = before in (*_CLAUSE_ENDS, WordCategory.BE, WordCategory.QUESTION, WordCategory.OR)

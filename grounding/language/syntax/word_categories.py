@@ -103,6 +103,8 @@ MODIFIERS = frozenset(
 HEADS = NOUNS | {WordCategory.MAKE, WordCategory.MODEL, WordCategory.ONE}
 # Categories with inflected forms.
 INFLECTED = NOUNS | {WordCategory.VERB}
+# Words that negate, except or correct something.
+POLARITY = frozenset((WordCategory.NOT, WordCategory.EXCEPT, WordCategory.CORRECT))
 LIGHT_VERBS = ("go", "drive", "move", "get", "pull", "stay", "take", "bring", "leave", "give")
 # Allowed values of a lexicon section, for categories with a closed list.
 SECTION_VALUES: dict[WordCategory, tuple[str, ...]] = {
