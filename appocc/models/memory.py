@@ -66,11 +66,12 @@ def warp(state: Tensor, past_from_now: Tensor, grid: BEVGrid) -> Tensor:
         past_from_now: (B, 2, 3) ego motion on the ground.
         grid: the grid.
     """
-    now = torch.from_numpy(grid.centres()).to(state)  # X Y 2
-    then = now @ past_from_now[:, None, :, :2].transpose(-1, -2).to(state) + past_from_now[:, None, None, :, 2].to(
-        state
-    )
-    low = state.new_tensor([grid.x_min_m, grid.y_min_m])
-    size = state.new_tensor([grid.x_max_m - grid.x_min_m, grid.y_max_m - grid.y_min_m])
+    # In float32 for any precision of the network: bfloat16 rounds positions to 0.25 m.
+    motion = past_from_now.to(state.device, torch.float32)
+    now = torch.from_numpy(grid.centres()).to(motion)  # X Y 2
+    then = now @ motion[:, None, :, :2].transpose(-1, -2) + motion[:, None, None, :, 2]
+    low = motion.new_tensor([grid.x_min_m, grid.y_min_m])
+    size = motion.new_tensor([grid.x_max_m - grid.x_min_m, grid.y_max_m - grid.y_min_m])
     at = (2 * (then - low) / size - 1).flip(-1)  # grid_sample expects the last axis first
-    return functional.grid_sample(state, at, mode="bilinear", padding_mode="zeros", align_corners=False)
+    moved = functional.grid_sample(state.float(), at, mode="bilinear", padding_mode="zeros", align_corners=False)
+    return moved.to(state.dtype)

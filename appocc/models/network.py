@@ -106,12 +106,12 @@ class AppoccNet(BEVModel):
         """
         high, wide = self.spec.height_px, self.spec.width_px
         size = {stride: (-(-high // stride), -(-wide // stride)) for stride in (COARSE, FINE)}
-        grid = self.spec.grid
-        coarse = plan_sampling(rigs, grid.halved(), HEIGHTS_M, *size[COARSE], COARSE)
-        fine = plan_sampling(rigs, grid, HEIGHTS_M, *size[FINE], FINE)
+        grid, device = self.spec.grid, self.place.device
+        coarse = plan_sampling(rigs, grid.halved(), HEIGHTS_M, *size[COARSE], COARSE, device=device)
+        fine = plan_sampling(rigs, grid, HEIGHTS_M, *size[FINE], FINE, device=device)
         depth = None
         if self.parts.depth:
-            depth = plan_sampling(rigs, grid.halved(), HEIGHTS_M, *size[COARSE], COARSE, depths=True)
+            depth = plan_sampling(rigs, grid.halved(), HEIGHTS_M, *size[COARSE], COARSE, depths=True, device=device)
         return AppoccPlan(coarse, fine, depth, tuple(rigs), grid)
 
     def forward(self, images: Tensor, plan: ViewTransformPlan, past: Past | None = None) -> ModelOutput:

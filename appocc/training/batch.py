@@ -39,7 +39,8 @@ class Batch(NamedTuple):
     """A batch of samples.
 
     Attributes:
-        images: (B, N, 3, H, W) float32 sRGB, 0..1; zeros where a rig has fewer than N cameras.
+        images: (B, N, 3, H, W) uint8 sRGB, float32 0..1 once prepared for a network; zeros where a rig has fewer than
+            N cameras.
         rigs: camera rig of each sample, in the order of its images.
         truth: ground truth.
         number: index of each sample in its packed dataset.

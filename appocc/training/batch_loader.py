@@ -1,4 +1,4 @@
-"""Batch loader: augmented batches of samples or clips, reproducible from the seed, loaded in background threads."""
+"""Batch loader: augmented batches of samples or clips, reproducible from the seed, loaded in the background."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from appocc.models.model_spec import ModelSpec
 from appocc.nuscenes.view_targets import UNKNOWN_KIND
 from appocc.training.augment import Augmentation, augment
 from appocc.training.batch import Batch, Truth
+from appocc.training.batch_processes import batches_by_processes
 from appocc.training.packed_dataset import PackedDataset
 from appocc.training.reading import APPEARANCE_BIT, PackedSample, crop
 
@@ -75,7 +76,6 @@ class BatchLoader:
         self._size, self._seed, self._augmentation = batch_size, seed, augmentation
         self._rank, self._world_size = rank, world_size
         self._cameras = max(len(dataset.channels) for dataset in datasets)
-        self._order = lru_cache(maxsize=4)(self._permutation)
 
     def __len__(self) -> int:
         """Number of samples of all datasets."""
@@ -86,23 +86,32 @@ class BatchLoader:
         first = (step * self._world_size + self._rank) * self._clips
         return self._collate([self._augmented(k) for k in range(first, first + self._clips)])
 
-    def batches(self, start: int = 0, threads: int = 1) -> Iterator[Batch]:
-        """Yield batches from a step on, without end; `threads` load ahead, 0 loads on request."""
-        return _in_background(self.batch, count(start), threads)
+    def batches(self, start: int = 0, workers: int = 1, processes: bool = False) -> Iterator[Batch]:
+        """Yield batches from a step on, without end.
+
+        Args:
+            start: first step.
+            workers: number of threads that load ahead; 0 loads on request.
+            processes: processes instead of threads. They do not share the interpreter with a training loop that only
+                feeds a GPU; a loop that computes on the CPU needs few.
+        """
+        if processes and workers:
+            return batches_by_processes(self.batch, start, workers)
+        return _in_threads(self.batch, count(start), workers)
 
     def in_order(self, limit: int | None = None, threads: int = 1) -> Iterator[Batch]:
         """Yield each sample once, not augmented, in the order of the datasets; the last batch may be smaller.
 
         Args:
-            limit: number of samples over all processes, the first ones; None: all.
-            threads: as in `batches`.
+            limit: number of samples over all ranks, the first ones; None: all.
+            threads: number of threads that load ahead; 0 loads on request.
         """
         total = len(self) if limit is None else min(limit, len(self))
         clips = [
             clip for dataset, first in self._starts() for clip in _clips(dataset.scenes, first, self._clip, total)
         ]
         own = clips[self._rank :: self._world_size]
-        return _in_background(self._not_augmented, _groups(own, self._clips), threads)
+        return _in_threads(self._not_augmented, _groups(own, self._clips), threads)
 
     def _not_augmented(self, clips: Sequence[Sequence[int]]) -> Batch:
         grid = self.setting.grid
@@ -111,7 +120,7 @@ class BatchLoader:
     def _augmented(self, k: int) -> list[tuple[int, PackedSample]]:
         """Return index and augmented sample of each sample of clip k of the endless sequence."""
         epoch, position = divmod(k, len(self._windows))
-        window = self._windows[int(self._order(epoch)[position])]
+        window = self._windows[int(_permutation(self._seed, epoch, len(self._windows))[position])]
         return [
             (
                 number,
@@ -135,13 +144,15 @@ class BatchLoader:
         """Yield each dataset and the index of its first sample."""
         return zip(self._datasets, [0, *self._ends[:-1].tolist()], strict=True)
 
-    def _permutation(self, epoch: int) -> IntArray:
-        """Return the order of the clips in an epoch."""
-        return np.random.default_rng([self._seed, _ORDER, epoch]).permutation(len(self._windows))
-
     def _packed_sample(self, number: int) -> PackedSample:
         i = int(np.searchsorted(self._ends, number, "right"))
         return self._datasets[i].sample(number - int(self._ends[i]) + len(self._datasets[i]))
+
+
+@lru_cache(maxsize=4)
+def _permutation(seed: int, epoch: int, clips: int) -> IntArray:
+    """Return the order of the clips in an epoch."""
+    return np.random.default_rng([seed, _ORDER, epoch]).permutation(clips)
 
 
 def _scene_ranges(scenes: Sequence[str], first: int) -> Iterator[range]:
@@ -191,7 +202,7 @@ def _seconds(before: PackedSample, now: PackedSample) -> float:
     return float(now.time_us - before.time_us) / 1e6
 
 
-def _in_background(job: Callable[[Item], Batch], items: Iterable[Item], threads: int) -> Iterator[Batch]:
+def _in_threads(job: Callable[[Item], Batch], items: Iterable[Item], threads: int) -> Iterator[Batch]:
     """Yield the batches of the items in order; up to two more than there are threads are loaded ahead."""
     if threads < 1:
         yield from map(job, items)
@@ -220,12 +231,12 @@ def collate(samples: Sequence[PackedSample], numbers: Sequence[int], cameras: in
         cameras: N, largest number of cameras of a sample.
     """
     b, n, (high, wide) = len(samples), cameras, samples[0].images.shape[1:3]
-    images = np.zeros((b, n, high, wide, 3), np.float32)
+    images = np.zeros((b, n, high, wide, 3), np.uint8)
     depth = np.zeros((b, n, *samples[0].depth_m.shape[1:]), np.float32)
     kind = np.full(depth.shape, -1, np.int64)
     for i, sample in enumerate(samples):
         for slot, camera in enumerate(np.flatnonzero(sample.alive)):
-            np.divide(sample.images[camera], np.float32(255), out=images[i, slot])
+            images[i, slot] = sample.images[camera]
             depth[i, slot] = sample.depth_m[camera]
             kind[i, slot] = np.where(sample.kind[camera] == UNKNOWN_KIND, -1, sample.kind[camera].astype(np.int64))
     bits = np.arange(3, dtype=np.uint8)[:, None, None]

@@ -36,7 +36,7 @@ class DataConfig(_Section):
         held_out: number of samples at the end of each scene of `train` for validation instead of training.
         source: source of the true maps, as in `bev/SOURCE`.
         packs: folder of the packed datasets.
-        workers: threads (or processes while packing) that read ahead.
+        workers: threads that read ahead, processes on a GPU and while packing.
         clip: consecutive samples of a scene that are trained together; more than 1 trains the memory.
     """
 
@@ -201,7 +201,7 @@ class Config(_Section):
         network: name in the registry of networks.
         setting: cameras and grid, 360 or 180.
         appearance: predict appearance as well as occupancy.
-        parts: optional parts of the network: depth, memory, objects.
+        parts: optional parts of the network: depth, memory, objects, blocks.
         init: file of initial weights for the same network and setting; `packaged`: the shipped weights; `street`: the
             shipped ones for real streets; None: train from scratch.
         data: training and validation data.
@@ -215,7 +215,7 @@ class Config(_Section):
     network: str = "appocc"
     setting: Literal["360", "180"] = "360"
     appearance: bool = True
-    parts: tuple[Literal["depth", "memory", "objects"], ...] = ()
+    parts: tuple[Literal["depth", "memory", "objects", "blocks"], ...] = ()
     init: str | None = None
     data: DataConfig
     train: TrainConfig

@@ -54,7 +54,8 @@ def train(
     """
     run = _set_up(setup, config, folder, processes, monitor, resume)
     progress, model, monitor.running = run.progress, _distributed(run.model, processes), True
-    stream = setup.train.batches(progress.step * config.train.accumulate, config.data.workers)
+    first = progress.step * config.train.accumulate
+    stream = setup.train.batches(first, config.data.workers, processes.on_gpu)
     with prefetch(stream, run.model, processes.device) as batches:
         while True:
             due = progress.step % config.evaluate.every_steps == 0 and progress.step > 0
@@ -144,7 +145,7 @@ def _train_step(run: TrainingRun, model: nn.Module, batches: Iterator[PreparedBa
     values: list[Tensor] = []
     for micro in range(config.accumulate):
         requested = time.perf_counter()
-        batch, plan, own_plan_s = next(batches)
+        batch, plan, own_plan_s, _ = next(batches)
         waited_s, plan_s = waited_s + time.perf_counter() - requested - own_plan_s, plan_s + own_plan_s
         samples += len(batch.number)
         torch.manual_seed(_micro_batch_seed(run, micro))
@@ -254,7 +255,7 @@ def _reestimate_batch_norm(run: TrainingRun) -> None:
     stream = run.setup.train.batches(0, run.config.data.workers)
     count = -(-run.config.evaluate.norm_batches // run.processes.size)
     with prefetch(stream, run.ema_model, run.processes.device, count) as batches:
-        for batch, plan, _ in batches:
+        for batch, plan, *_ in batches:
             _raise_if_stopped(run)
             with _autocast(run):
                 run.ema_model(batch.images, plan, batch.past)
@@ -272,7 +273,7 @@ def validate(run: TrainingRun) -> ValidationMetrics:
     config, metrics = run.config, MetricAccumulator(run.processes.device, run.model.spec.grid)
     stream = run.setup.val.in_order(config.evaluate.samples, config.data.workers)
     with prefetch(stream, run.ema_model, run.processes.device) as batches:
-        for number, (batch, plan, _) in enumerate(batches, start=1):
+        for number, (batch, plan, *_) in enumerate(batches, start=1):
             _raise_if_stopped(run)
             run.monitor.on_step(run.share, f"step {run.progress.step}: validating, batch {number}")
             with _autocast(run):

@@ -51,10 +51,10 @@ def object_targets(objects: Tensor, grid: BEVGrid) -> ObjectTargets:
     squared = along[..., None] + across[:, :, None]  # B K X' Y'
     gauss = torch.exp(-squared / (2 * _DEVIATION**2))
     # The cell of a centre is a positive, wherever in the cell the centre is.
-    cell = place.round().clamp(min=-1).long()
-    inside = (cell >= 0).all(-1) & (cell[..., 0] < x) & (cell[..., 1] < y)
-    sample, number = torch.nonzero(inside, as_tuple=True)
-    gauss[sample, number, cell[sample, number, 0], cell[sample, number, 1]] = 1.0
+    cell = place.round()
+    at_row = torch.arange(x, device=objects.device) == cell[..., :1]  # B K X'
+    at_column = torch.arange(y, device=objects.device) == cell[..., 1:]  # B K Y'
+    gauss = torch.where(at_row[..., None] & at_column[:, :, None], 1.0, gauss)
     kind = objects[..., KIND]
     heat = torch.stack(
         [(gauss * (kind == number)[..., None, None]).amax(dim=1) for number in range(len(KINDS))], dim=1
@@ -81,6 +81,7 @@ def object_targets(objects: Tensor, grid: BEVGrid) -> ObjectTargets:
         dim=1,
     )
     weight = torch.exp(-least / (2 * _DEVIATION**2)) * (least < _REACH**2)
+    inside = at_row.any(-1) & at_column.any(-1)
     return ObjectTargets(heat, weight, box, inside.sum().clamp(min=1))
 
 
@@ -107,9 +108,9 @@ def paint_loss(appearance: Tensor, truth: Truth) -> Tensor:
     first = torch.arange(batch, device=truth.owner.device)[:, None, None] * (most + 1)
     place = (torch.where(truth.owner <= most, truth.owner, 0) + first).flatten()
     size = batch * (most + 1)
-    count = torch.bincount(place, minlength=size)
     values = appearance.float().permute(0, 2, 3, 1).reshape(-1, 3)
     sums = values.new_zeros(size, 3).index_add(0, place, values)
+    count = values.new_zeros(size).index_add(0, place, torch.ones_like(values[:, 0]))
     mean = (sums / count.clamp(min=1)[:, None]).reshape(batch, most + 1, 3)[:, 1:]
     paint = truth.objects[..., RGB] / 255
     known = torch.isfinite(paint).all(-1) & (count.reshape(batch, most + 1)[:, 1:] > 0)

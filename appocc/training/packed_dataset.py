@@ -80,7 +80,7 @@ class PackedDataset:
             lists = {name: tuple(index[name]) for name in ("tokens", "scenes", "towns", "weathers")}
             channels = tuple(index["made_of"]["channels"])
             own_grid = BEVGrid.from_array(index["grid"])
-            arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False) for name in ARRAYS}
+            arrays = _mapped(folder)
         except OSError as error:
             raise DataError(f"{folder}: damaged packed dataset ({error.filename}: {error.strerror})") from error
         except (KeyError, TypeError, ValueError) as error:
@@ -97,6 +97,14 @@ class PackedDataset:
     def __len__(self) -> int:
         """Number of samples."""
         return len(self.tokens)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the state for another process, which maps the arrays itself instead of receiving a copy."""
+        return {**self.__dict__, "arrays": {}}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore a state and map the arrays."""
+        self.__dict__.update(state, arrays=_mapped(state["folder"]))
 
     def sample(self, number: int) -> PackedSample:
         """Return a sample on the grid of the packed dataset (see `crop`); its arrays are read on access."""
@@ -118,6 +126,10 @@ class PackedDataset:
             (last if remaining[scene] <= held_out else kept).append(number)
             remaining[scene] -= 1
         return self.subset(kept), self.subset(last)
+
+
+def _mapped(folder: Path) -> dict[str, Any]:
+    return {name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False) for name in ARRAYS}
 
 
 # Packing ----------------------------------------------------------------------------------------------------------

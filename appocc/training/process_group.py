@@ -36,6 +36,11 @@ class ProcessGroup:
         """Whether this is the main process."""
         return self.rank == 0
 
+    @property
+    def on_gpu(self) -> bool:
+        """Whether the device is a GPU."""
+        return self.device.type == "cuda"
+
     def mean(self, values: Tensor) -> Tensor:
         """Return the mean over the processes (all-reduce)."""
         if self.size > 1:

@@ -36,12 +36,12 @@ class StoppedError(AppoccError):
 class BatchSource(Protocol):
     """Batches of samples for this process of the group."""
 
-    def batches(self, start: int = 0, threads: int = 1) -> Iterator[Batch]:
+    def batches(self, start: int = 0, workers: int = 1, processes: bool = False) -> Iterator[Batch]:
         """Yield augmented batches without end, from index `start`; batch m is the same in every run."""
         ...
 
     def in_order(self, limit: int | None = None, threads: int = 1) -> Iterator[Batch]:
-        """Yield each sample once, not augmented; the first `limit` samples over all processes."""
+        """Yield each sample once, not augmented; the first `limit` samples over all ranks."""
         ...
 
 

@@ -77,7 +77,7 @@ class TinySamples:
         self.count, self.size, self.rank, self.world_size, self.poison = count, size, rank, world_size, poison
         self.asked: list[int] = []
 
-    def batches(self, start: int = 0, threads: int = 1) -> Iterator[Batch]:
+    def batches(self, start: int = 0, workers: int = 1, processes: bool = False) -> Iterator[Batch]:
         number = start
         while True:
             self.asked.append(number)

@@ -77,9 +77,9 @@ def test_content_of_a_batch(packed: PackedDataset) -> None:
         ("CAM_BACK", "CAM_FRONT"),
     ]
     assert batch.images.shape == (3, 2, 3, 16, 32)
-    assert batch.images.dtype == torch.float32
+    assert batch.images.dtype == torch.uint8
     sample = packed.sample(0)
-    expected = torch.from_numpy(sample.images[1].copy()).permute(2, 0, 1) / 255
+    expected = torch.from_numpy(sample.images[1].copy()).permute(2, 0, 1)
     assert torch.equal(batch.images[0, 1], expected)
     np.testing.assert_array_equal(batch.rigs[0]["CAM_FRONT"].intrinsic, sample.intrinsic[1])
     assert (batch.rigs[0]["CAM_FRONT"].width_px, batch.rigs[0]["CAM_FRONT"].height_px) == (32, 16)
@@ -122,17 +122,17 @@ def test_datasets_of_rigs_with_fewer_cameras_combine(packed: PackedDataset) -> N
 
 def test_any_step_follows_from_the_seed_alone(packed: PackedDataset) -> None:
     loader = BatchLoader([packed], 2, 7, STRONG)
-    row = list(islice(loader.batches(threads=0), 8))
+    row = list(islice(loader.batches(workers=0), 8))
     assert same(BatchLoader([packed], 2, 7, STRONG).batch(5), row[5])
     assert all(map(same, row[3:], BatchLoader([packed], 2, 7, STRONG).batches(3)))
     assert not same(BatchLoader([packed], 2, 8, STRONG).batch(5), row[5])
     assert not any(same(one, other) for i, one in enumerate(row) for other in row[:i])
 
 
-@pytest.mark.parametrize("threads", [1, 3])
-def test_threads_change_nothing(packed: PackedDataset, threads: int) -> None:
+@pytest.mark.parametrize(("workers", "processes"), [(1, False), (3, False), (2, True)])
+def test_workers_change_nothing(packed: PackedDataset, workers: int, processes: bool) -> None:
     loader = BatchLoader([packed], 2, 1, STRONG)
-    for made, plain in zip(islice(loader.batches(2, threads), 10), loader.batches(2, 0), strict=False):
+    for made, plain in zip(islice(loader.batches(2, workers, processes), 10), loader.batches(2, 0), strict=False):
         assert same(made, plain)
 
 
@@ -177,7 +177,7 @@ def test_in_order_respects_the_limit_and_is_shared_by_processes(packed: PackedDa
 
 def test_threads_end_with_the_row(packed: PackedDataset) -> None:
     before = threading.active_count()
-    row = BatchLoader([packed], 1, 0).batches(threads=2)
+    row = BatchLoader([packed], 1, 0).batches(workers=2)
     next(row)
     assert threading.active_count() > before
     row.close()  # type: ignore[attr-defined]

@@ -44,7 +44,7 @@ def clips_of(batch: Batch, clip: int) -> list[tuple[int, ...]]:
 
 def one_pass(datasets: Sequence[PackedDataset], clip: int, windows: int) -> list[tuple[int, ...]]:
     """The clips of the first pass, sorted."""
-    stream = islice(BatchLoader(datasets, clip, 0, clip=clip).batches(threads=0), windows)
+    stream = islice(BatchLoader(datasets, clip, 0, clip=clip).batches(workers=0), windows)
     return sorted(window for batch in stream for window in clips_of(batch, clip))
 
 
@@ -78,7 +78,7 @@ def test_batches_that_hold_no_whole_clips_are_refused(drive: PackedDataset, batc
 
 
 def test_batches_are_time_major(drive: PackedDataset) -> None:
-    for batch in islice(BatchLoader([scenes(drive, a=3, b=3, c=2)], 4, 2, clip=2).batches(threads=0), 5):
+    for batch in islice(BatchLoader([scenes(drive, a=3, b=3, c=2)], 4, 2, clip=2).batches(workers=0), 5):
         one, other, after_one, after_other = batch.number
         assert (after_one, after_other) == (one + 1, other + 1)
         assert batch.past is not None

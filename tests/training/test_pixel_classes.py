@@ -25,6 +25,7 @@ from appocc.training.batch_loader import BatchLoader
 from appocc.training.loop import train
 from appocc.training.losses import compute_losses
 from appocc.training.packed_dataset import PackedDataset, pack_dataset
+from appocc.training.prefetcher import unit_colours
 from appocc.training.process_group import join_process_group
 from appocc.training.run import TrainingMonitor, TrainingSetup
 from appocc.training.run_folder import RunFolder
@@ -67,7 +68,7 @@ def test_classes_alone_teach_and_frames_without_them_do_not(packed: PackedDatase
     for batch in BatchLoader([packed], 1, 0).in_order(threads=0):
         model.zero_grad()
         truth = batch.truth._replace(depth_m=torch.zeros_like(batch.truth.depth_m))
-        terms = compute_losses(model(batch.images, model.plan(batch.rigs)), truth, losses, GRID)
+        terms = compute_losses(model(unit_colours(batch.images), model.plan(batch.rigs)), truth, losses, GRID)
         assert terms.kind is not None
         torch.autograd.backward(terms.total(losses))
         grad = model.get_parameter("views.kind.weight").grad

@@ -27,6 +27,7 @@ from appocc.training.checkpoint import list_checkpoints
 from appocc.training.config import Config
 from appocc.training.loop import train
 from appocc.training.packed_dataset import PackedDataset, pack_dataset
+from appocc.training.prefetcher import unit_colours
 from appocc.training.process_group import join_process_group
 from appocc.training.run import StoppedError, TrainingMonitor, TrainingSetup
 from appocc.training.run_folder import RunFolder
@@ -142,7 +143,7 @@ def test_memory_learns_from_clips_alone(drive: PackedDataset) -> None:
     for clip, learns in ((1, False), (3, True)):
         batch = BatchLoader([drive], 3, 0, clip=clip).batch(0)
         model.zero_grad()
-        output = model(batch.images, model.plan(batch.rigs), batch.past)
+        output = model(unit_colours(batch.images), model.plan(batch.rigs), batch.past)
         torch.autograd.backward(output.occupancy.square().sum())
         weight = model.get_parameter("trunk.recall.mixed.0.weight")
         assert weight.grad is not None

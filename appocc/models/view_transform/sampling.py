@@ -21,7 +21,6 @@ from torch import Tensor
 from torch.nn import functional
 
 from appocc.camera import Camera, CameraRig
-from appocc.checks import Float32Array
 from appocc.errors import ShapeError
 from appocc.geometry import inverse
 from appocc.grid import BEVGrid
@@ -31,6 +30,7 @@ HEIGHTS_M = (0.0, 0.6, 1.3)
 _NEAREST_M = 0.1
 # Number of cached plans: a rig at the two strides of a network, and a few more.
 _KEPT_PLANS = 8
+_CPU = torch.device("cpu")
 
 
 class RowSums(NamedTuple):
@@ -205,8 +205,9 @@ def plan_sampling(
     w: int,
     stride: int,
     depths: bool = False,
+    device: torch.device = _CPU,
 ) -> SamplingPlan:
-    """Return the sampling plan of a batch.
+    """Return the sampling plan of a batch, computed on a device.
 
     Args:
         rigs: rig of each sample, for the images after `fit_image`.
@@ -217,6 +218,7 @@ def plan_sampling(
         stride: pixels between features; feature i is centred on pixel i * stride.
         depths: plan for features (V, h, w * DEPTH_BINS, C): each point reads the depth bins next to its own depth,
             clamped to the first and last.
+        device: device of the plan.
 
     Raises:
         ShapeError: if there is no rig or no height, or the image of a camera has features of another size.
@@ -228,7 +230,8 @@ def plan_sampling(
         if wanted != (h, w):
             raise ShapeError(f"{camera.channel}: expected features of {wanted} at stride {stride}, got {(h, w)}")
     heights = tuple(map(float, heights_m))
-    plans = [_plan_rig(_key(rig), grid, heights, h, w, stride, depths) for rig in rigs]
+    groups = _groups(tuple(map(_key, rigs)), device)
+    plans = [_plan_rigs(group, grid, heights, h, w, stride, depths, device) for group in groups]
     rows = [len(plan.spread.offsets) for plan in plans]
     bags = [len(plan.read.offsets) for plan in plans]
     return SamplingPlan(
@@ -262,7 +265,10 @@ class _Projection(NamedTuple):
     pixel_from_ego: bytes
 
 
-def _key(rig: CameraRig) -> tuple[_Projection, ...]:
+_RigKey = tuple[_Projection, ...]
+
+
+def _key(rig: CameraRig) -> _RigKey:
     return tuple(_Projection(each.width_px, each.height_px, _pixel_from_ego(each).tobytes()) for each in rig)
 
 
@@ -271,92 +277,111 @@ def _pixel_from_ego(camera: Camera) -> NDArray[np.float64]:
     return np.asarray(camera.intrinsic @ inverse(camera.ego_from_cam)[:3])
 
 
+def _groups(rigs: tuple[_RigKey, ...], device: torch.device) -> list[tuple[_RigKey, ...]]:
+    """Split the rigs of a batch into those that are planned at once: on a CPU one by one, from the cache if possible.
+
+    A GPU plans the rigs of a batch together. A batch of clips is time-major and repeats its rigs at every time.
+    """
+    if device.type == "cpu":
+        return [(rig,) for rig in rigs]
+    different = tuple(dict.fromkeys(rigs))
+    times = len(rigs) // len(different)
+    return [different] * times if different * times == rigs else [rigs]
+
+
 @lru_cache(maxsize=_KEPT_PLANS)
-def _plan_rig(
-    projections: tuple[_Projection, ...],
+def _plan_rigs(
+    rigs: tuple[_RigKey, ...],
     grid: BEVGrid,
     heights_m: tuple[float, ...],
     h: int,
     w: int,
     stride: int,
     depths: bool,
+    device: torch.device,
 ) -> SamplingPlan:
-    """Return the plan of one sample; its tensors are cached and must not be written."""
-    bags = grid.shape[0] * grid.shape[1] * len(heights_m)
-    rows = len(projections) * h * w * (DEPTH_BINS if depths else 1)
-    views = [_visible_points(projection, grid, heights_m) for projection in projections] or [
-        (np.zeros(0, np.int64), np.zeros((3, 0), np.float32))
-    ]
-    bag = np.concatenate([bag for bag, _ in views])
-    count = np.bincount(bag, minlength=bags)
-    places = np.concatenate([uvd for _, uvd in views], axis=1)
-    corner, share = _bilinear_corners(np.divide(places[:2], stride, dtype=np.float32), h, w)
-    corner += np.repeat(np.arange(len(views)) * h * w, [len(bag) for bag, _ in views])[:, None]
+    """Return the plan of several samples; its tensors are cached and must not be written."""
+    bags = len(rigs) * grid.shape[0] * grid.shape[1] * len(heights_m)
+    rows = sum(map(len, rigs)) * h * w * (DEPTH_BINS if depths else 1)
+    bag, camera, uvd = _visible_points(rigs, grid, heights_m, device)
+    corner, share = _bilinear_corners(uvd[:2] / stride, h, w)
+    corner += (camera * (h * w))[:, None]
     if depths:
-        corner, share = _depth_corners(corner, share, places[2])
-    order = np.argsort(bag, kind="stable")  # a merge of one sorted run per camera
-    index = corner.take(order, axis=0).ravel()
-    weights = (share / count[bag][:, None].astype(np.float32)).take(order, axis=0).ravel()
-    offsets = np.concatenate([[0], np.cumsum(corner.shape[1] * count)]).astype(np.int32)
-    back = sparse.csr_matrix((weights, index, offsets), shape=(bags, rows)).tocsc()
-    on_ground = count.reshape(*grid.shape, -1)[..., np.argmin(np.abs(heights_m))]
-    return SamplingPlan(
-        _row_sums(index, offsets, weights),
-        _row_sums(back.indices, back.indptr, back.data),
-        torch.from_numpy(on_ground.astype(np.float32))[None, None],
-        (len(projections),),
-        len(heights_m),
-        corner.shape[1],
-    )
+        corner, share = _depth_corners(corner, share, uvd[2])
+    count = torch.bincount(bag, minlength=bags)
+    read = RowSums(corner.flatten(), _starts(corner.shape[1] * count), (share / count[bag][:, None]).flatten())
+    on_ground = count.reshape(len(rigs), *grid.shape, len(heights_m))[..., int(np.argmin(np.abs(heights_m)))]
+    spread = _transposed(read, bag.to(torch.int32).repeat_interleave(corner.shape[1]), rows)
+    cameras = tuple(map(len, rigs))
+    return SamplingPlan(read, spread, on_ground[:, None].float(), cameras, len(heights_m), corner.shape[1])
 
 
-def _row_sums(index: NDArray[Any], offsets: NDArray[Any], weights: NDArray[Any]) -> RowSums:
-    return RowSums(
-        torch.from_numpy(index.astype(np.int32)),
-        torch.from_numpy(offsets[:-1].astype(np.int32)),
-        torch.from_numpy(weights.astype(np.float32)),
-    )
+def _starts(lengths: Tensor) -> Tensor:
+    """Return the int32 first entry of each bag, of the lengths of the bags."""
+    return (lengths.cumsum(0) - lengths).to(torch.int32)
+
+
+def _transposed(read: RowSums, bag: Tensor, rows: int) -> RowSums:
+    """Return the transpose of row sums with the bag of each entry: a bag for each of `rows` rows."""
+    if bag.device.type == "cpu":  # by counting, several times faster than sorting
+        ends = np.append(read.offsets.numpy(), np.int32(len(bag)))
+        table = (read.weights.numpy(), read.rows.numpy(), ends)
+        back = sparse.csr_matrix(table, shape=(len(read.offsets), rows)).tocsc()
+        return RowSums(*(torch.from_numpy(each) for each in (back.indices, back.indptr[:-1], back.data)))
+    order = torch.argsort(read.rows, stable=True)
+    return RowSums(bag[order], _starts(torch.bincount(read.rows, minlength=rows)), read.weights[order])
 
 
 def _visible_points(
-    projection: _Projection, grid: BEVGrid, heights_m: tuple[float, ...]
-) -> tuple[NDArray[np.int64], Float32Array]:
-    """Return the bags (n,), (cell, height) flat, whose points a camera sees, and their pixels and depths (3, n)."""
-    matrix = np.frombuffer(projection.pixel_from_ego).reshape(3, 4)
+    rigs: tuple[_RigKey, ...], grid: BEVGrid, heights_m: tuple[float, ...], device: torch.device
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Return the points that a camera sees, in the order of their bags.
+
+    Returns:
+        (n,) bags, (sample, cell, height) flat; (n,) cameras, counted over the rigs; (3, n) float32 pixels and depths.
+    """
+    most = max(1, *map(len, rigs))
+    # Cameras that a rig lacks see nothing: their depths are 0.
+    matrix, size, first = np.zeros((len(rigs), most, 3, 4)), np.zeros((2, len(rigs), most)), []
+    for number, rig in enumerate(rigs):
+        first.append(sum(map(len, rigs[:number])))
+        for slot, camera in enumerate(rig):
+            matrix[number, slot] = np.frombuffer(camera.pixel_from_ego).reshape(3, 4)
+            size[:, number, slot] = camera.width_px, camera.height_px
     x_m, y_m = (grid.centre_of(np.stack([np.arange(n)] * 2, axis=-1))[:, i] for i, n in enumerate(grid.shape))
-    along, across, up = (
-        matrix[:, :1] * x_m,
-        matrix[:, 1:2] * y_m,
-        matrix[:, 2:3] * np.array(heights_m) + matrix[:, 3:],
+    up = matrix[..., 2:3] * np.array(heights_m) + matrix[..., 3:]
+    along, across, up = (  # 3 B X N, 3 B Y N, 3 B Z N
+        torch.from_numpy(each.transpose(2, 0, 3, 1)).to(device)
+        for each in (matrix[..., :1] * x_m, matrix[..., 1:2] * y_m, up)
     )
-    u, v, depth = ((a[:, None, None] + b[:, None] + c).ravel() for a, b, c in zip(along, across, up, strict=True))
+    u, v, depth = along[:, :, :, None, None] + across[:, :, None, :, None] + up[:, :, None, None]  # each B X Y Z N
     # Tested before the division, because most points are outside the image.
     inside = depth > _NEAREST_M
-    for side, size in ((u, projection.width_px), (v, projection.height_px)):
-        inside &= (side >= -0.5 * depth) & (side < (size - 0.5) * depth)
-    bag = np.flatnonzero(inside)
-    far = depth[bag]
-    return bag, np.stack([u[bag] / far, v[bag] / far, far]).astype(np.float32)
+    for side, limit in zip((u, v), torch.from_numpy(size - 0.5).to(device), strict=True):
+        inside &= (side >= -0.5 * depth) & (side < limit[:, None, None, None] * depth)
+    at = inside.flatten().nonzero()[:, 0]
+    bag, slot = at // most, at % most
+    sample = bag // (grid.shape[0] * grid.shape[1] * len(heights_m))
+    far = depth.flatten()[at]
+    uvd = torch.stack([u.flatten()[at] / far, v.flatten()[at] / far, far]).float()
+    return bag, torch.tensor(first, device=device)[sample] + slot, uvd
 
 
-def _bilinear_corners(uv: Float32Array, h: int, w: int) -> tuple[NDArray[np.int32], Float32Array]:
-    """Return rows (n, 4) and weights (n, 4) of bilinear sampling at feature coordinates (2, n), clamped to edges."""
-    u, v = np.clip(uv[0], 0, w - 1), np.clip(uv[1], 0, h - 1)
-    left, top = np.minimum(u.astype(np.int32), max(w - 2, 0)), np.minimum(v.astype(np.int32), max(h - 2, 0))
+def _bilinear_corners(uv: Tensor, h: int, w: int) -> tuple[Tensor, Tensor]:
+    """Return int32 rows (n, 4) and weights (n, 4) of bilinear sampling at feature coordinates (2, n), clamped."""
+    u, v = uv[0].clamp(0, w - 1), uv[1].clamp(0, h - 1)
+    left, top = u.int().clamp(max=max(w - 2, 0)), v.int().clamp(max=max(h - 2, 0))
     du, dv = u - left, v - top
     right, below = int(w > 1), w * int(h > 1)
     first = top * w + left
-    corner = np.stack([first, first + right, first + below, first + below + right], axis=-1)
-    share = np.stack([(1 - du) * (1 - dv), du * (1 - dv), (1 - du) * dv, du * dv], axis=-1)
-    return corner, share.astype(np.float32)
+    corner = torch.stack([first, first + right, first + below, first + below + right], dim=-1)
+    return corner, torch.stack([(1 - du) * (1 - dv), du * (1 - dv), (1 - du) * dv, du * dv], dim=-1)
 
 
-def _depth_corners(
-    corner: NDArray[np.int32], share: Float32Array, depth_m: Float32Array
-) -> tuple[NDArray[np.int32], Float32Array]:
+def _depth_corners(corner: Tensor, share: Tensor, depth_m: Tensor) -> tuple[Tensor, Tensor]:
     """Return rows (n, 8) and weights (n, 8) of depth bins, of bilinear rows and weights (n, 4) and depths (n,)."""
-    bins = np.clip((depth_m - FIRST_DEPTH_M) / DEPTH_STEP_M, 0, DEPTH_BINS - 1)
-    low = np.minimum(bins.astype(np.int32), DEPTH_BINS - 2)
-    part = (bins - low).astype(np.float32)[:, None]
+    bins = ((depth_m - FIRST_DEPTH_M) / DEPTH_STEP_M).clamp(0, DEPTH_BINS - 1)
+    low = bins.int().clamp(max=DEPTH_BINS - 2)
+    part = (bins - low)[:, None]
     first = corner * DEPTH_BINS + low[:, None]
-    return np.concatenate([first, first + 1], axis=1), np.concatenate([share * (1 - part), share * part], axis=1)
+    return torch.cat([first, first + 1], dim=1), torch.cat([share * (1 - part), share * part], dim=1)
