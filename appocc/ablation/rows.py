@@ -69,7 +69,13 @@ _OTHERS = (
 )
 
 # Parts of the default network, one after the other.
-_PARTS = (("depth",), ("depth", "memory"), ("depth", "objects"), ("depth", "memory", "objects"))
+_PARTS = (
+    ("depth",),
+    ("depth", "memory"),
+    ("depth", "objects"),
+    ("depth", "memory", "objects"),
+    ("depth", "memory", "objects", "blocks"),
+)
 
 
 def study_rows(first_seed: int, seeds: int) -> tuple[StudyRow, ...]:

@@ -124,11 +124,14 @@ class AppoccNet(BEVModel):
             raise ShapeError(f"plan: expected one of this network, got {type(plan).__name__}")
         cameras = plan.coarse.cameras
         packed = pack_cameras(images, cameras).contiguous(memory_format=torch.channels_last)
+        own = slice(len(packed))
+        if packed.is_cuda and self.training:
+            packed = repeat_to(packed, images.shape[0] * images.shape[1])
         merged, coarse, fine = self.merge(self.encoder(packed))
-        standing = sample_features(coarse.permute(0, 2, 3, 1), plan.coarse)  # B 3*32 X/2 Y/2
-        shown = torch.cat([each.permute(0, 2, 3, 1) for each in (fine, mean_colours(packed))], dim=-1)
+        standing = sample_features(coarse[own].permute(0, 2, 3, 1), plan.coarse)  # B 3*32 X/2 Y/2
+        shown = torch.cat([each[own].permute(0, 2, 3, 1) for each in (fine, mean_colours(packed))], dim=-1)
         near = sample_features(shown, plan.fine)  # B 3*20 X Y
-        depth = None if self.depth is None else self.depth(merged).float()  # V D h/8 w/8
+        depth = None if self.depth is None else self.depth(merged)[own].float()  # V D h/8 w/8
         surface = None if depth is None or plan.depth is None else sample_depth(depth, plan.depth)  # B 3*2 X/2 Y/2
         count = plan.coarse.count
         place = torch.cat([self.place.expand(len(count), -1, -1, -1), count], dim=1)  # B 4 X/2 Y/2
@@ -139,7 +142,7 @@ class AppoccNet(BEVModel):
         if self.views is not None and self.training:
             own_depth, kind = self.views(merged)
             found = (
-                unpack_cameras(each, cameras, images.shape[1])
+                unpack_cameras(each[own], cameras, images.shape[1])
                 for each in (own_depth if depth is None else depth, kind)
             )
             views = ImageOutput(*found)
@@ -175,6 +178,14 @@ def _support(surface: Tensor | None, near: Tensor) -> Tensor | None:
         return None
     at = surface[:, ::2].repeat_interleave(2, dim=2).repeat_interleave(2, dim=3)
     return at[..., : near.shape[-2], : near.shape[-1]]
+
+
+def repeat_to(images: Tensor, count: int) -> Tensor:
+    """Repeat the first of some images (V, ...) until there are `count`, so that batches have the same shape.
+
+    On a GPU, the first batch of each shape takes seconds, because the convolutions of this shape are prepared.
+    """
+    return images[torch.arange(count, device=images.device) % len(images)] if len(images) < count else images
 
 
 def cell_coordinates(grid: BEVGrid) -> Tensor:

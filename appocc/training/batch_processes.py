@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from itertools import count
 from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerContext, SpawnContext
 from multiprocessing.process import BaseProcess
 from multiprocessing.shared_memory import SharedMemory
 from typing import NamedTuple
@@ -46,7 +47,7 @@ def batches_by_processes(job: Callable[[int], Batch], first: int, size: int) -> 
         AppoccError: if a process is killed.
         Exception: as the job does.
     """
-    context = multiprocessing.get_context("spawn")
+    context = _context()
     workers: list[tuple[Connection, BaseProcess]] = []
     try:
         for number in range(size):
@@ -65,6 +66,15 @@ def batches_by_processes(job: Callable[[int], Batch], first: int, size: int) -> 
     finally:
         for worker, process in workers:
             _end(worker, process)
+
+
+def _context() -> ForkServerContext | SpawnContext:
+    """Processes are forked from one that has imported this package, where the system can: else each imports it."""
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["appocc.training.batch_loader"])
+    return context
 
 
 def _received(worker: Connection) -> Batch:

@@ -60,6 +60,7 @@ def train(
         while True:
             due = progress.step % config.evaluate.every_steps == 0 and progress.step > 0
             if (due or run.share >= 1) and progress.evaluated < progress.step:
+                _save_checkpoint(run)  # an evaluation that fails must not cost the training
                 _evaluate(run)
             if run.share >= 1:
                 break

@@ -10,7 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from appocc.environment import inspect_environment
+from appocc.environment import inspect_environment, version_of
 from appocc.errors import DataError
 from appocc.files import read_json, write_bytes, write_json
 from appocc.temporary import locked, made_folder
@@ -145,7 +145,9 @@ class RunFolder:
     def versions(self) -> dict[str, str]:
         """Return the versions of appocc, Python and torch for the model card."""
         environment = read_json(self.environment)
-        torch = next(package["version"] for package in environment["packages"] if package["name"] == "torch")
+        # Of a checkout that is not installed, no required packages are known.
+        installed = {package["name"]: package["version"] for package in environment["packages"]}
+        torch = installed.get("torch") or version_of("torch") or "unknown"
         return {"appocc": environment["appocc"], "python": environment["python"], "torch": torch}
 
 

@@ -9,6 +9,7 @@ from appocc.camera import CameraRig
 from appocc.errors import NotFoundError, ShapeError
 from appocc.grid import BEVGrid
 from appocc.models.model_spec import ModelSpec, Parts
+from appocc.models.network import repeat_to
 from appocc.models.registry import COLOURINGS, DEFAULT, NETWORKS, build
 from appocc.rigs import read_rig
 
@@ -61,14 +62,14 @@ def test_parts_have_names() -> None:
     assert Parts.of([]) == Parts()
     assert Parts.of(["objects", "depth"]) == Parts(depth=True, objects=True)
     assert Parts.of(["objects", "depth"]).names == ("depth", "objects")
-    with pytest.raises(NotFoundError, match="no part 'wheels' of a network; there are depth, memory, objects"):
+    with pytest.raises(NotFoundError, match="no part 'wheels' of a network; there are depth, memory, objects, blocks"):
         Parts.of(["depth", "wheels"])
 
 
 @pytest.mark.parametrize("name", NETWORKS)
 def test_networks_have_the_parts_that_they_can_have(name: str) -> None:
     assert build(name, SETTING).parts == Parts()
-    for part in Parts(True, True, True).names:
+    for part in Parts(True, True, True, True).names:
         if part in NETWORKS[name].parts.names:
             assert build(name, SETTING, parts=Parts.of([part])).parts.names == (part,)
         else:
@@ -77,7 +78,7 @@ def test_networks_have_the_parts_that_they_can_have(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "parts", [Parts(depth=True), Parts(memory=True), Parts(objects=True), Parts(True, True, True)]
+    "parts", [Parts(depth=True), Parts(memory=True), Parts(objects=True), Parts(True, True, True, True)]
 )
 def test_outputs_follow_the_parts(parts: Parts) -> None:
     model = build(DEFAULT, SETTING, parts=parts).eval()
@@ -91,3 +92,9 @@ def test_outputs_follow_the_parts(parts: Parts) -> None:
         assert output.memory.shape[2:] == (8, 8)
     if output.objects is not None:
         assert [each.shape for each in output.objects] == [(2, n, 8, 8) for n in (6, 2, 1, 3, 2, 2, 2)]
+
+
+def test_batches_of_any_number_of_images_are_filled_to_the_same_shape() -> None:
+    images = torch.arange(3.0).reshape(3, 1, 1, 1)
+    assert repeat_to(images, 8).flatten().tolist() == [0, 1, 2, 0, 1, 2, 0, 1]
+    assert torch.equal(repeat_to(images, 3), images)
