@@ -65,7 +65,7 @@ def test_divergence_is_found_before_anything_is_saved(
         run(folder, made_config(train__steps=20, save__every_steps=6), poison=Poison(12, factor))
     assert [path.name for path in list_checkpoints(folder)] == [
         "state-00000012.safetensors",
-        "state-00000006.safetensors",
+        "state-00000010.safetensors",
     ]
     assert [line["step"] for line in numbers(folder) if line["kind"] == "val"] == [5, 10]
 
