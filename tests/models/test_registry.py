@@ -62,7 +62,9 @@ def test_parts_have_names() -> None:
     assert Parts.of([]) == Parts()
     assert Parts.of(["objects", "depth"]) == Parts(depth=True, objects=True)
     assert Parts.of(["objects", "depth"]).names == ("depth", "objects")
-    with pytest.raises(NotFoundError, match="no part 'wheels' of a network; there are depth, memory, objects, blocks"):
+    with pytest.raises(
+        NotFoundError, match="no part 'wheels' of a network; there are depth, memory, objects, blocks"
+    ):
         Parts.of(["depth", "wheels"])
 
 
