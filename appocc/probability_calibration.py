@@ -32,6 +32,11 @@ class Calibration(NamedTuple):
     temperature: float
     bias: float
 
+    @property
+    def inverse(self) -> Calibration:
+        """Map back from calibrated logits."""
+        return Calibration(1 / self.temperature, -self.bias * self.temperature)
+
     def of(self, probability: float) -> float:
         """Return the calibrated probability, 0..1, of a probability in (0, 1)."""
         logit = math.log(probability) - math.log1p(-probability)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 
 import torch
@@ -10,6 +11,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
+from appocc.bevmap import CLASSES
 from appocc.errors import AppoccError, DataError
 from appocc.files import local_copy, path_of, write_bytes
 from appocc.grid import BEVGrid
@@ -17,6 +19,7 @@ from appocc.models.base import BEVModel
 from appocc.models.model_spec import MODEL_SPECS, ModelSpec, Parts
 from appocc.models.registry import NETWORKS, build
 from appocc.models.shipped import shipped_weights
+from appocc.probability_calibration import Calibration
 from appocc.typing import PathLike
 
 VERSION = "1"
@@ -94,8 +97,8 @@ def load_model(path: PathLike) -> tuple[BEVModel, dict[str, str]]:
     return model.eval(), card
 
 
-def load_weights_into(model: BEVModel, path: PathLike) -> None:
-    """Load the weights of a file into a network; heads for training only are unchanged.
+def load_weights_into(model: BEVModel, path: PathLike) -> dict[str, str]:
+    """Load the weights of a file into a network and return its model card; heads for training only are unchanged.
 
     The file may have fewer optional parts than the network: layers of new parts are unchanged, and new inputs of a
     layer start with weight 0.
@@ -111,6 +114,7 @@ def load_weights_into(model: BEVModel, path: PathLike) -> None:
         kind = f"{card['network']}, {card['setting']} degrees, appearance {card['appearance']}"
         raise DataError(f"{path}: expected weights of the network to train, got those of {kind}")
     model.load_state_dict(own | fitted)
+    return card
 
 
 def _widened(tensor: Tensor, like: Tensor | None) -> Tensor | None:
@@ -139,6 +143,25 @@ def read_thresholds(card: Card) -> tuple[float, float, float]:
     if not all(0 <= each <= 1 for each in (road, vehicle, lane)):
         raise DataError(f"card: expected thresholds of 0 .. 1, got {card['thresholds']}")
     return road, vehicle, lane
+
+
+def read_calibrations(card: Card) -> tuple[list[Calibration], Calibration | None]:
+    """Read the calibrations that are part of the weights from a model card: of road, vehicle, lane, and of objects.
+
+    Raises:
+        DataError: if they are invalid.
+    """
+    try:
+        found = json.loads(card.get("validation", "{}"))
+        classes = [Calibration(*map(float, found["calibration"][name])) for name in CLASSES if "calibration" in found]
+        objects = found.get("object_calibration")
+        both = classes, None if objects is None else Calibration(*map(float, objects))
+    except (KeyError, ValueError, TypeError, AttributeError, RecursionError) as error:
+        raise DataError(f"card: invalid calibration ({_one_line(error)})") from error
+    for each in (*both[0], *both[1:]):
+        if each is not None and not (math.isfinite(each.bias) and 0 < each.temperature < math.inf):
+            raise DataError(f"card: expected calibrations with a positive temperature and a finite bias, got {each}")
+    return both
 
 
 def _read(path: PathLike) -> tuple[dict[str, str], dict[str, Tensor]]:

@@ -16,9 +16,10 @@ from appocc.environment import memory
 from appocc.errors import DataError
 from appocc.files import RemotePath, path_of
 from appocc.models import registry
+from appocc.models.base import BEVModel
 from appocc.models.model_spec import MODEL_SPECS, ModelSpec, Parts
 from appocc.models.shipped import PACKAGED, find_weights
-from appocc.models.weights import load_weights_into, save_weights
+from appocc.models.weights import load_weights_into, read_calibrations, save_weights
 from appocc.nuscenes.view_targets import UNKNOWN_KIND, ViewClass
 from appocc.training.augment import Augmentation
 from appocc.training.batch_loader import BatchLoader
@@ -29,6 +30,7 @@ from appocc.training.process_group import ProcessGroup, join_process_group
 from appocc.training.run import TrainingMonitor, TrainingSetup
 from appocc.training.run_folder import RunFolder
 from appocc.training.summary_writer import load_summary_writer
+from appocc.typing import PathLike
 
 
 def run_training(config: Config, folder: RunFolder, resume: bool, monitor: TrainingMonitor) -> dict[str, Any]:
@@ -65,7 +67,7 @@ def prepare_training(config: Config, processes: ProcessGroup, monitor: TrainingM
     )
     check_roots(config)
     if config.init is not None:
-        load_weights_into(model, PACKAGED if config.init == "packaged" else find_weights(config.init))
+        model = load_initial_weights(model, PACKAGED if config.init == "packaged" else find_weights(config.init))
     train_data = [_packed_dataset(root, config, processes, monitor) for root in config.data.train_roots]
     if config.data.val is None:
         parts = [each.split(config.data.held_out) for each in train_data]
@@ -83,6 +85,17 @@ def prepare_training(config: Config, processes: ProcessGroup, monitor: TrainingM
     train_loader = BatchLoader(train_data, batch, seed, _augmentation(config.augment), rank, size, clip)
     val_loader = BatchLoader(val_data, batch, seed, rank=rank, world_size=size, clip=clip)
     return TrainingSetup(model, train_loader, val_loader, save_weights)
+
+
+def load_initial_weights(model: BEVModel, path: PathLike) -> BEVModel:
+    """Load weights to train on, and return the network without their calibration: losses are of raw logits.
+
+    Raises:
+        DataError: as `load_weights_into`, or if the calibration on the model card is invalid.
+    """
+    classes, objects = read_calibrations(load_weights_into(model, path))
+    raw = model.calibrated([each.inverse for each in classes], None if objects is None else objects.inverse)
+    return model if raw is None else raw
 
 
 def check_roots(config: Config) -> None:
