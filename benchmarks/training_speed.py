@@ -19,9 +19,9 @@ from pathlib import Path
 import torch
 
 from appocc.environment import has_bfloat16
+from appocc.training.batches.prefetcher import PreparedBatch, prefetch
 from appocc.training.config import Config, read_config
 from appocc.training.losses import compute_losses
-from appocc.training.prefetcher import PreparedBatch, prefetch
 from appocc.training.process_group import ProcessGroup, join_process_group
 from appocc.training.run import TrainingMonitor, TrainingSetup
 from appocc.training.session import prepare_training

@@ -20,12 +20,12 @@ from torch.nn.parallel import DistributedDataParallel
 from appocc.environment import has_bfloat16, keep_freed_memory
 from appocc.errors import DataError
 from appocc.models.base import BEVModel, ModelOutput
+from appocc.training.batches.prefetcher import PreparedBatch, prefetch
 from appocc.training.checkpoint import TrainingProgress, list_checkpoints, load_checkpoint, save_checkpoint
 from appocc.training.config import Config
 from appocc.training.curves import plot_curves
 from appocc.training.losses import compute_losses
 from appocc.training.metrics import MetricAccumulator, ValidationMetrics
-from appocc.training.prefetcher import PreparedBatch, prefetch
 from appocc.training.process_group import ProcessGroup
 from appocc.training.run import StepMetrics, StoppedError, TrainingMonitor, TrainingRun, TrainingSetup
 from appocc.training.run_folder import RunFolder

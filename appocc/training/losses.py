@@ -11,7 +11,7 @@ from torch.nn import functional
 from appocc.bevmap import CLASSES, VEHICLE
 from appocc.grid import BEVGrid
 from appocc.models.base import DEPTH_BINS, DEPTH_STEP_M, FIRST_DEPTH_M, ModelOutput
-from appocc.training.batch import Truth
+from appocc.training.batches.batch import Truth
 from appocc.training.config import LossConfig
 from appocc.training.object_losses import box_loss, centre_loss, object_targets, paint_loss
 

@@ -22,7 +22,7 @@ from appocc.probability_calibration import (
     ProbabilityHistogram,
     fit_temperature_and_bias,
 )
-from appocc.training.batch import Truth
+from appocc.training.batches.batch import Truth
 from appocc.training.losses import LossTerms, colour_weight
 from appocc.training.object_metrics import BINS as OBJECT_BINS
 from appocc.training.object_metrics import best_score, object_counts, score_calibration

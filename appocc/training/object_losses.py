@@ -15,8 +15,8 @@ from torch.nn import functional
 from appocc.grid import BEVGrid
 from appocc.models.base import VELOCITY_UNIT_MPS, ObjectOutput
 from appocc.objects import KINDS
-from appocc.training.batch import Truth
-from appocc.training.packed_objects import KIND, RGB, VELOCITY, WLH, XY, YAW, Z
+from appocc.training.batches.batch import Truth
+from appocc.training.batches.packed_objects import KIND, RGB, VELOCITY, WLH, XY, YAW, Z
 
 # Standard deviation of the Gaussian around a centre, in cells of twice the size, and the reach of its box.
 _DEVIATION, _REACH = 0.8, 1.6

@@ -12,7 +12,7 @@ from appocc.models.base import ObjectOutput
 from appocc.models.object_decoding import decode_objects
 from appocc.objects import KINDS, PEOPLE
 from appocc.probability_calibration import Calibration, ProbabilityHistogram, fit_temperature_and_bias
-from appocc.training.packed_objects import KIND, XY
+from appocc.training.batches.packed_objects import KIND, XY
 
 # Candidate scores are k / 100.
 BINS = 100

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from appocc.errors import AppoccError
 from appocc.models.base import BEVModel
-from appocc.training.batch import Batch
+from appocc.training.batches.batch import Batch
 from appocc.training.checkpoint import TrainingProgress
 from appocc.training.config import Config
 from appocc.training.process_group import ProcessGroup

@@ -21,11 +21,11 @@ from appocc.models.model_spec import MODEL_SPECS, ModelSpec, Parts
 from appocc.models.shipped import PACKAGED, find_weights
 from appocc.models.weights import load_weights_into, read_calibrations, save_weights
 from appocc.nuscenes.view_targets import UNKNOWN_KIND, ViewClass
-from appocc.training.augment import Augmentation
-from appocc.training.batch_loader import BatchLoader
+from appocc.training.batches.augment import Augmentation
+from appocc.training.batches.batch_loader import BatchLoader
+from appocc.training.batches.packed_dataset import PackedDataset, pack_dataset
 from appocc.training.config import AugmentConfig, Config
 from appocc.training.loop import train
-from appocc.training.packed_dataset import PackedDataset, pack_dataset
 from appocc.training.process_group import ProcessGroup, join_process_group
 from appocc.training.run import TrainingMonitor, TrainingSetup
 from appocc.training.run_folder import RunFolder

@@ -15,7 +15,7 @@ from tiny_dataset import TinyDataset, token
 from appocc.cluster import connected
 from appocc.errors import AppoccError
 from appocc.files import path_of, read_file, write_bytes
-from appocc.training.packed_dataset import pack_dataset
+from appocc.training.batches.packed_dataset import pack_dataset
 from appocc.workers import in_order, worker_pool
 from cli.server.library import Library
 from cli.server.pictures import camera_jpeg

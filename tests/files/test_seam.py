@@ -36,7 +36,7 @@ LOCAL = {
     "appocc/simulation/town_generation/streets.py": "scratch of SUMO",
     "appocc/temporary.py": "locks",
     "appocc/training/checkpoint.py": "folder of a training",
-    "appocc/training/packed_dataset.py": "memory maps",
+    "appocc/training/batches/packed_dataset.py": "memory maps",
     "appocc/training/run_folder.py": "folder of a training",
     "cli/common.py": "the null device",
     "cli/demo.py": "folder of the demo",

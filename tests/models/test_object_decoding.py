@@ -15,8 +15,8 @@ from appocc.grid import BEVGrid
 from appocc.models.base import VELOCITY_UNIT_MPS, ObjectOutput
 from appocc.models.object_decoding import LEAST_SCORE, MOST_PEAKS, decode_objects, fuse_vehicles, paint_objects
 from appocc.objects import KINDS, BEVObjects
+from appocc.training.batches.packed_objects import COLUMNS, KIND, RGB, VELOCITY, WLH, XY, YAW, Z
 from appocc.training.object_losses import object_targets
-from appocc.training.packed_objects import COLUMNS, KIND, RGB, VELOCITY, WLH, XY, YAW, Z
 
 GRID = BEVGrid(-16, 16, -12, 12, 0.4)
 HALF = GRID.halved()

@@ -16,10 +16,10 @@ from appocc.grid import BEVGrid
 from appocc.models.base import DEPTH_BINS, BEVModel, ImageOutput, ModelOutput
 from appocc.models.memory import Past
 from appocc.models.model_spec import ModelSpec
-from appocc.training.batch import Batch, Truth
+from appocc.training.batches.batch import Batch, Truth
+from appocc.training.batches.packed_objects import COLUMNS
 from appocc.training.config import Config
 from appocc.training.loop import train
-from appocc.training.packed_objects import COLUMNS
 from appocc.training.process_group import ProcessGroup, join_process_group
 from appocc.training.run import TrainingMonitor, TrainingSetup
 from appocc.training.run_folder import RunFolder

@@ -18,9 +18,9 @@ from appocc.geometry import apply, inverse, quaternion_from_yaw, transform
 from appocc.grid import BEVGrid
 from appocc.models.model_spec import MODEL_SPECS
 from appocc.rigs import read_rig
-from appocc.training.augment import Augmentation, augment, jitter_colours, mirror_sample, reframe
-from appocc.training.packed_objects import COLUMNS, MAX_OBJECTS
-from appocc.training.reading import ARRAYS, PackedSample, crop
+from appocc.training.batches.augment import Augmentation, augment, jitter_colours, mirror_sample, reframe
+from appocc.training.batches.packed_objects import COLUMNS, MAX_OBJECTS
+from appocc.training.batches.reading import ARRAYS, PackedSample, crop
 
 WIDTH, HEIGHT = 352, 128
 GRID, FRONT = BEVGrid.surround(), MODEL_SPECS["180"].grid

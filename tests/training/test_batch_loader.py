@@ -19,10 +19,10 @@ from tolerances import assert_rounded
 from appocc.camera import CameraRig
 from appocc.errors import DataError
 from appocc.nuscenes.view_targets import ViewTargets, save_view_targets, view_targets_path
-from appocc.training.augment import Augmentation
-from appocc.training.batch import Batch
-from appocc.training.batch_loader import BatchLoader
-from appocc.training.packed_dataset import PackedDataset, pack_dataset
+from appocc.training.batches.augment import Augmentation
+from appocc.training.batches.batch import Batch
+from appocc.training.batches.batch_loader import BatchLoader
+from appocc.training.batches.packed_dataset import PackedDataset, pack_dataset
 
 STRONG = Augmentation(
     yaw_rad=np.pi,

@@ -13,8 +13,8 @@ import torch
 
 from appocc.errors import AppoccError, DataError
 from appocc.models.memory import Past
-from appocc.training.batch import Batch, Truth
-from appocc.training.batch_processes import batches_by_processes
+from appocc.training.batches.batch import Batch, Truth
+from appocc.training.batches.batch_processes import batches_by_processes
 
 
 def made_batch(step: int) -> Batch:

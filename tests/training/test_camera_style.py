@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from appocc.training.camera_style import CameraStyle, apply_style, apply_tone, draw_style
+from appocc.training.batches.camera_style import CameraStyle, apply_style, apply_tone, draw_style
 
 PLAIN = np.tile(np.arange(256, dtype=np.uint8), (3, 1))
 

@@ -14,10 +14,10 @@ from made_packed import SETTING, with_maps
 from tiny_dataset import SPEED_MPS, STEP_US, TinyDataset
 
 from appocc.errors import DataError
-from appocc.training.augment import Augmentation, augment
-from appocc.training.batch import Batch
-from appocc.training.batch_loader import BatchLoader, collate
-from appocc.training.packed_dataset import PackedDataset, pack_dataset
+from appocc.training.batches.augment import Augmentation, augment
+from appocc.training.batches.batch import Batch
+from appocc.training.batches.batch_loader import BatchLoader, collate
+from appocc.training.batches.packed_dataset import PackedDataset, pack_dataset
 
 TURNED = Augmentation(yaw_rad=np.pi, shift_m=2.0, mirror=0.5)
 STRONG = replace(TURNED, brightness=0.2, saturation=0.3, cameras_dropped=1, extrinsic_rad=0.02, extrinsic_m=0.05)

@@ -19,12 +19,12 @@ from appocc.errors import DataError
 from appocc.files import read_image
 from appocc.models.base import BEVModel, ModelOutput
 from appocc.models.rounding import rounding
+from appocc.training.batches.prefetcher import _prefetch_in_thread, prefetch
 from appocc.training.checkpoint import TrainingProgress
 from appocc.training.curves import plot_curves
 from appocc.training.loop import _optimizer, _reestimate_batch_norm, train
 from appocc.training.losses import compute_losses
 from appocc.training.metrics import MetricAccumulator
-from appocc.training.prefetcher import _prefetch_in_thread, prefetch
 from appocc.training.process_group import ProcessGroup, join_process_group
 from appocc.training.run import StoppedError, TrainingError, TrainingMonitor, TrainingRun, TrainingSetup
 from appocc.training.run_folder import RunFolder

@@ -8,10 +8,10 @@ from torch import Tensor
 
 from appocc.grid import BEVGrid
 from appocc.models.base import DEPTH_BINS, ImageOutput, ModelOutput
-from appocc.training.batch import Truth
+from appocc.training.batches.batch import Truth
+from appocc.training.batches.packed_objects import COLUMNS
 from appocc.training.config import LossConfig
 from appocc.training.losses import colour_loss, compute_losses, depth_bin, depth_loss, kind_loss, occupancy_loss
-from appocc.training.packed_objects import COLUMNS
 
 GRID = BEVGrid(-0.4, 0.4, -0.4, 0.4, 0.4)
 TERMS = 2 * DEPTH_BINS  # of a softmax, the longest sum in the losses of so few cells

@@ -25,9 +25,9 @@ from appocc.nuscenes import Dataset
 from appocc.nuscenes.view_targets import ViewTargets, save_view_targets, view_targets_path
 from appocc.objects import KINDS
 from appocc.temporary import locked
-from appocc.training.packed_dataset import PackedDataset, pack_dataset
-from appocc.training.packed_objects import RGB
-from appocc.training.reading import crop
+from appocc.training.batches.packed_dataset import PackedDataset, pack_dataset
+from appocc.training.batches.packed_objects import RGB
+from appocc.training.batches.reading import crop
 
 
 @pytest.fixture

@@ -20,12 +20,12 @@ from appocc.models.registry import build
 from appocc.models.weights import save_weights
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.view_targets import UNKNOWN_KIND, ViewClass
-from appocc.training.augment import Augmentation
-from appocc.training.batch_loader import BatchLoader
+from appocc.training.batches.augment import Augmentation
+from appocc.training.batches.batch_loader import BatchLoader
+from appocc.training.batches.packed_dataset import PackedDataset, pack_dataset
+from appocc.training.batches.prefetcher import unit_colours
 from appocc.training.loop import train
 from appocc.training.losses import compute_losses
-from appocc.training.packed_dataset import PackedDataset, pack_dataset
-from appocc.training.prefetcher import unit_colours
 from appocc.training.process_group import join_process_group
 from appocc.training.run import TrainingMonitor, TrainingSetup
 from appocc.training.run_folder import RunFolder

@@ -21,13 +21,13 @@ from appocc.models.registry import build
 from appocc.models.weights import save_weights
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.view_targets import ViewClass
-from appocc.training.augment import Augmentation
-from appocc.training.batch_loader import BatchLoader
+from appocc.training.batches.augment import Augmentation
+from appocc.training.batches.batch_loader import BatchLoader
+from appocc.training.batches.packed_dataset import PackedDataset, pack_dataset
+from appocc.training.batches.prefetcher import unit_colours
 from appocc.training.checkpoint import list_checkpoints
 from appocc.training.config import Config
 from appocc.training.loop import train
-from appocc.training.packed_dataset import PackedDataset, pack_dataset
-from appocc.training.prefetcher import unit_colours
 from appocc.training.process_group import join_process_group
 from appocc.training.run import StoppedError, TrainingMonitor, TrainingSetup
 from appocc.training.run_folder import RunFolder

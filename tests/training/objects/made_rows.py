@@ -11,7 +11,7 @@ from torch import Tensor
 from appocc.boxes import Boxes
 from appocc.geometry import quaternion_from_yaw, rotation_from_quaternion
 from appocc.objects import KINDS
-from appocc.training.packed_objects import COLUMNS, KIND, RGB, VELOCITY, WLH, XY, YAW, Z
+from appocc.training.batches.packed_objects import COLUMNS, KIND, RGB, VELOCITY, WLH, XY, YAW, Z
 
 SIZE_WLH_M = (2.0, 4.4, 1.6)
 

@@ -11,9 +11,9 @@ from appocc.checks import FloatArray
 from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
 from appocc.models.memory import ground_motion
-from appocc.training.augment import Augmentation, augment, jitter_colours, mirror_sample, reframe
-from appocc.training.packed_objects import COLUMNS, MAX_OBJECTS, RGB, VELOCITY, XY, YAW, pack_objects
-from appocc.training.reading import PackedSample, crop
+from appocc.training.batches.augment import Augmentation, augment, jitter_colours, mirror_sample, reframe
+from appocc.training.batches.packed_objects import COLUMNS, MAX_OBJECTS, RGB, VELOCITY, XY, YAW, pack_objects
+from appocc.training.batches.reading import PackedSample, crop
 
 GRID, INNER = BEVGrid(-24, 24, -24, 24, 0.4), BEVGrid(-16, 16, -16, 16, 0.4)
 # World: two parked cars and a van, seen from two poses of the ego.

@@ -15,7 +15,7 @@ from torch import Tensor
 from appocc.grid import BEVGrid
 from appocc.models.base import VELOCITY_UNIT_MPS, ModelOutput, ObjectOutput
 from appocc.objects import KINDS
-from appocc.training.batch import Truth
+from appocc.training.batches.batch import Truth
 from appocc.training.config import LossConfig
 from appocc.training.losses import compute_losses
 from appocc.training.object_losses import ObjectTargets, box_loss, centre_loss, object_targets, paint_loss

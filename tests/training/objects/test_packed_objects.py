@@ -16,7 +16,7 @@ from appocc.checks import Float32Array
 from appocc.geometry import inverse
 from appocc.grid import BEVGrid
 from appocc.objects import KINDS
-from appocc.training.packed_objects import (
+from appocc.training.batches.packed_objects import (
     COLUMNS,
     KIND,
     MAX_OBJECTS,

@@ -17,7 +17,7 @@ from torch import Tensor
 
 from appocc.environment import cores
 from appocc.models.base import BEVModel, ViewTransformPlan
-from appocc.training.batch import Batch, Truth
+from appocc.training.batches.batch import Batch, Truth
 
 _QUEUE_LENGTH = 2
 

@@ -13,9 +13,9 @@ from appocc.checks import ByteArray, FloatArray
 from appocc.errors import ShapeError
 from appocc.geometry import inverse, quaternion_from_yaw, transform
 from appocc.grid import BEVGrid
-from appocc.training.camera_style import apply_style, apply_tone, draw_style
-from appocc.training.packed_objects import mirror_objects, move_objects, repaint_objects
-from appocc.training.reading import APPEARANCE_BIT, PackedSample, crop
+from appocc.training.batches.camera_style import apply_style, apply_tone, draw_style
+from appocc.training.batches.packed_objects import mirror_objects, move_objects, repaint_objects
+from appocc.training.batches.reading import APPEARANCE_BIT, PackedSample, crop
 
 # Weights of the sRGB channels in grey (Rec. 601).
 _GREY = np.array([0.299, 0.587, 0.114])
@@ -32,7 +32,7 @@ class Augmentation:
         brightness: largest relative change of brightness, at most 1.
         contrast: largest relative change of the distance from middle grey.
         saturation: largest relative change of the distance from the grey of each colour.
-        camera_style: share of samples with the look of another camera system (`training.camera_style`).
+        camera_style: share of samples with the look of another camera system (`training.batches.camera_style`).
         cameras_dropped: largest number of dropped cameras; one always remains.
         extrinsic_rad: largest rotation error of each camera, about any axis.
         extrinsic_m: largest translation error of each camera, in any direction.

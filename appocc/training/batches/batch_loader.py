@@ -18,11 +18,11 @@ from appocc.errors import DataError
 from appocc.models.memory import Past, ground_motion, is_linked
 from appocc.models.model_spec import ModelSpec
 from appocc.nuscenes.view_targets import UNKNOWN_KIND
-from appocc.training.augment import Augmentation, augment
-from appocc.training.batch import Batch, Truth
-from appocc.training.batch_processes import batches_by_processes
-from appocc.training.packed_dataset import PackedDataset
-from appocc.training.reading import APPEARANCE_BIT, PackedSample, crop
+from appocc.training.batches.augment import Augmentation, augment
+from appocc.training.batches.batch import Batch, Truth
+from appocc.training.batches.batch_processes import batches_by_processes
+from appocc.training.batches.packed_dataset import PackedDataset
+from appocc.training.batches.reading import APPEARANCE_BIT, PackedSample, crop
 
 NO_AUGMENTATION = Augmentation()
 _ORDER, _AUGMENT = 0, 1  # streams of random numbers

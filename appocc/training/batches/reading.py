@@ -24,7 +24,7 @@ from appocc.nuscenes.dataset import LIDAR, Dataset
 from appocc.nuscenes.lidar import read_lidar
 from appocc.nuscenes.records import Sample
 from appocc.nuscenes.view_targets import BLOCK_PX, UNKNOWN_KIND, ViewTargets, load_view_targets, view_targets_path
-from appocc.training.packed_objects import COLUMNS, MAX_OBJECTS, pack_objects
+from appocc.training.batches.packed_objects import COLUMNS, MAX_OBJECTS, pack_objects
 
 APPEARANCE_BIT = 3
 

@@ -25,7 +25,7 @@ from torch import Tensor
 
 from appocc.errors import AppoccError
 from appocc.models.memory import Past
-from appocc.training.batch import Batch, Truth
+from appocc.training.batches.batch import Batch, Truth
 
 # Batches that each process loads ahead.
 _AHEAD = 2
@@ -73,7 +73,7 @@ def _context() -> ForkServerContext | SpawnContext:
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["appocc.training.batch_loader"])
+    context.set_forkserver_preload(["appocc.training.batches.batch_loader"])
     return context
 
 

@@ -30,7 +30,7 @@ from appocc.nuscenes.view_targets import view_targets_path
 from appocc.nuscenes.writer import whole_folder
 from appocc.provenance import training_parts
 from appocc.temporary import locked, made_folder
-from appocc.training.reading import ARRAYS, PackedSample, array_layout, read_sample, sample_files
+from appocc.training.batches.reading import ARRAYS, PackedSample, array_layout, read_sample, sample_files
 from appocc.workers import in_order, worker_pool
 
 VERSION = 4
