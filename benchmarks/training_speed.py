@@ -1,6 +1,6 @@
 """Speed of training steps: loading, planning, and the step itself, on the device that `appocc train` would take.
 
-    python -m benchmarks.training_speed ROOT [--batch 32 64] [--steps 20] [--parts depth memory objects blocks]
+    python -m benchmarks.training_speed ROOT [--batch 32 64] [--steps 20] [--parts depth memory objects]
 
 ROOT is a simulated dataset of some scenes. For each batch size: milliseconds of loading a batch in one process, of
 its view-transform plan, of a forward and backward pass, and of launching that (the rest is waiting for the device);
@@ -35,7 +35,7 @@ def main() -> None:
     parser.add_argument("root", type=Path)
     parser.add_argument("--batch", type=int, nargs="+", default=[32, 64])
     parser.add_argument("--steps", type=int, default=20)
-    parser.add_argument("--parts", nargs="*", default=["depth", "memory", "objects", "blocks"])
+    parser.add_argument("--parts", nargs="*", default=["depth", "memory", "objects"])
     arguments = parser.parse_args()
     print(f"{'batch':>6}{'load':>8}{'plan':>8}{'step':>8}{'launch':>8}  samples/s  GiB")
     with tempfile.TemporaryDirectory() as packs, join_process_group("auto") as processes:

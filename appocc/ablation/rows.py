@@ -69,13 +69,7 @@ _OTHERS = (
 )
 
 # Parts of the default network, one after the other.
-_PARTS = (
-    ("depth",),
-    ("depth", "memory"),
-    ("depth", "objects"),
-    ("depth", "memory", "objects"),
-    ("depth", "memory", "objects", "blocks"),
-)
+_PARTS = (("depth",), ("depth", "memory"), ("depth", "objects"), ("depth", "memory", "objects"))
 
 
 def study_rows(first_seed: int, seeds: int) -> tuple[StudyRow, ...]:

@@ -61,8 +61,6 @@ class LeanTrunk(nn.Module):
         # Each cell at half resolution predicts its four cells: sharper than interpolation, and cheap.
         self.four = nn.Conv2d(self.last_channels, 4 * self.cell_channels, 1)
         self.near = nn.Conv2d(heights * (FINE_CHANNELS + PAINT_CHANNELS), self.cell_channels, 1)
-        widths = (4 * wide, self.cell_channels)
-        self.more3, self.more_cells = (BasicBlock(n, n) if parts.blocks else nn.Identity() for n in widths)
         with torch.no_grad():  # equal initial weights avoid a checkerboard pattern
             self.four.weight.copy_(self.four.weight[::4].repeat_interleave(4, dim=0))
             self.four.bias.copy_(self.four.bias[::4].repeat_interleave(4, dim=0))  # type: ignore[union-attr, index]
@@ -88,13 +86,11 @@ class LeanTrunk(nn.Module):
         else:
             half, memory = self.recall(half, self.stage1, past)
         quarter = self.stage2(half)  # B 128 X/4 Y/4
-        eighth = self.more3(self.stage3(quarter))  # B 256 X/8 Y/8
         side = self.side2(quarter)
-        joined = self.down2(side + upsample_twice(self.side3(eighth), side))  # B 64 X/4 Y/4
+        joined = self.down2(side + upsample_twice(self.side3(self.stage3(quarter)), side))  # B 64 X/4 Y/4
         last = self.last(half + upsample_twice(joined, half))  # B 48 X/2 Y/2
         four = functional.pixel_shuffle(self.four(last), 2)[..., : near.shape[-2], : near.shape[-1]]
-        cells = self.more_cells(functional.relu(four + self.near(near)))
-        return TrunkOutput(cells, last, memory)
+        return TrunkOutput(functional.relu(four + self.near(near)), last, memory)
 
 
 class _Recall(nn.Module):

@@ -37,13 +37,11 @@ class Parts:
         depth: predicted depths weight what a cell reads from the images.
         memory: features of earlier frames are fused with those of the present one.
         objects: heads for boxes of vehicles, cyclists and pedestrians.
-        blocks: further residual blocks of the trunk, at its coarsest and its finest resolution.
     """
 
     depth: bool = False
     memory: bool = False
     objects: bool = False
-    blocks: bool = False
 
     @classmethod
     def of(cls, names: Sequence[str]) -> Parts:

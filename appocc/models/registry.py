@@ -58,7 +58,7 @@ class Network(NamedTuple):
 
 NETWORKS: Mapping[str, Network] = MappingProxyType(
     {
-        "appocc": Network(AppoccNet, True, Parts(depth=True, memory=True, objects=True, blocks=True)),
+        "appocc": Network(AppoccNet, True, Parts(depth=True, memory=True, objects=True)),
         "paper": Network(_paper, True),
         "lss": Network(_lss, False),
         "neat": Network(_neat, False),

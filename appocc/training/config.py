@@ -201,7 +201,7 @@ class Config(_Section):
         network: name in the registry of networks.
         setting: cameras and grid, 360 or 180.
         appearance: predict appearance as well as occupancy.
-        parts: optional parts of the network: depth, memory, objects, blocks.
+        parts: optional parts of the network: depth, memory, objects.
         init: file of initial weights for the same network and setting; `packaged`: the shipped weights; `street`: the
             shipped ones for real streets; None: train from scratch.
         data: training and validation data.
@@ -215,7 +215,7 @@ class Config(_Section):
     network: str = "appocc"
     setting: Literal["360", "180"] = "360"
     appearance: bool = True
-    parts: tuple[Literal["depth", "memory", "objects", "blocks"], ...] = ()
+    parts: tuple[Literal["depth", "memory", "objects"], ...] = ()
     init: str | None = None
     data: DataConfig
     train: TrainConfig

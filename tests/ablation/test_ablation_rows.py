@@ -25,15 +25,15 @@ def test_the_first_seed_of_all_rows_precedes_the_second() -> None:
     seeds = [row.seed for row in ROWS if row.seed is not None]
     assert seeds == sorted(seeds)
     assert {row.network for row in ROWS if row.seed in (6, 7)} == {DEFAULT}
-    # Two settings with two outputs each, and five choices of parts.
-    assert sum(row.network == DEFAULT for row in ROWS) == 3 * (4 + 5)
+    # Two settings with two outputs each, and four choices of parts.
+    assert sum(row.network == DEFAULT for row in ROWS) == 3 * (4 + 4)
     assert len(study_rows(0, 1)) == len(ROWS) - 2 * (4 + 4)
 
 
 def test_parts_are_rows_of_the_default_network() -> None:
     names = [row.name for row in study_rows(0, 1) if row.parts]
     assert names[0] == "appocc+depth-360-both-s0"
-    assert names[-1] == "appocc+depth+memory+objects+blocks-360-both-s0"
+    assert names[-1] == "appocc+depth+memory+objects-360-both-s0"
     config = StudyRow("appocc", "360", BOTH, 0, ("depth",)).config(made_config(parts=["objects"]))
     assert config.parts == ("depth",)
     assert StudyRow("lss", "360", OCCUPANCY, 0).config(config).parts == ()

@@ -31,7 +31,7 @@ cameras:
 SIZES_PX = {"CAM_FRONT": (192, 108), "CAM_BACK": (160, 120), "CAM_SIDE": (96, 64)}
 
 
-ALL_PARTS = Parts(depth=True, memory=True, objects=True, blocks=True)
+ALL_PARTS = Parts(depth=True, memory=True, objects=True)
 
 
 def network(name: str, spec: ModelSpec = SMALL, parts: Parts | None = None) -> BEVModel:

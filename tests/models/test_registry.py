@@ -62,16 +62,14 @@ def test_parts_have_names() -> None:
     assert Parts.of([]) == Parts()
     assert Parts.of(["objects", "depth"]) == Parts(depth=True, objects=True)
     assert Parts.of(["objects", "depth"]).names == ("depth", "objects")
-    with pytest.raises(
-        NotFoundError, match="no part 'wheels' of a network; there are depth, memory, objects, blocks"
-    ):
+    with pytest.raises(NotFoundError, match="no part 'wheels' of a network; there are depth, memory, objects"):
         Parts.of(["depth", "wheels"])
 
 
 @pytest.mark.parametrize("name", NETWORKS)
 def test_networks_have_the_parts_that_they_can_have(name: str) -> None:
     assert build(name, SETTING).parts == Parts()
-    for part in Parts(True, True, True, True).names:
+    for part in Parts(True, True, True).names:
         if part in NETWORKS[name].parts.names:
             assert build(name, SETTING, parts=Parts.of([part])).parts.names == (part,)
         else:
@@ -80,7 +78,7 @@ def test_networks_have_the_parts_that_they_can_have(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "parts", [Parts(depth=True), Parts(memory=True), Parts(objects=True), Parts(True, True, True, True)]
+    "parts", [Parts(depth=True), Parts(memory=True), Parts(objects=True), Parts(True, True, True)]
 )
 def test_outputs_follow_the_parts(parts: Parts) -> None:
     model = build(DEFAULT, SETTING, parts=parts).eval()

@@ -220,7 +220,7 @@ def test_what_was_trained_with_heads_for_training_can_be_kept(tmp_path: Path, na
 
 RIG = CameraRig(tuple(camera.resized(96, 64) for camera in read_rig("paper")))
 SEEING = ModelSpec("seeing", RIG.channels, BEVGrid(-8.0, 8.0, -8.0, 8.0, 1.0), 96, 64)
-ALL = Parts(depth=True, memory=True, objects=True, blocks=True)
+ALL = Parts(depth=True, memory=True, objects=True)
 
 
 def seeing(seed: int, parts: Parts, num_classes: int = 0) -> BEVModel:
@@ -288,7 +288,6 @@ def test_cards_without_parts_are_of_a_network_without_them(tmp_path: Path) -> No
         (Parts(), Parts(depth=True)),
         (Parts(depth=True), ALL),
         (Parts(memory=True), ALL),
-        (Parts(depth=True, memory=True, objects=True), ALL),
         (ALL, ALL),
     ],
 )

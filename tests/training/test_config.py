@@ -73,7 +73,7 @@ def test_overrides_replace_and_add(path: Path) -> None:
         (["data.clip=65"], "data.clip: expected 64 or less, got 65"),
         (["data.clip=3"], "c.yaml: train.batch: expected a multiple of data.clip=3, got 8"),
         (["parts=[memory]"], "c.yaml: data.clip: expected 2 or more, which train the part memory, got 1"),
-        (["parts=[depth, wheels]"], "parts.1: expected 'depth', 'memory', 'objects' or 'blocks', got 'wheels'"),
+        (["parts=[depth, wheels]"], "parts.1: expected 'depth', 'memory' or 'objects', got 'wheels'"),
         (["parts=depth"], "parts: expected a list, got 'depth'"),
     ],
 )

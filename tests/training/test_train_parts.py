@@ -32,7 +32,7 @@ from appocc.training.process_group import join_process_group
 from appocc.training.run import StoppedError, TrainingMonitor, TrainingSetup
 from appocc.training.run_folder import RunFolder
 
-PARTS = ("depth", "memory", "objects", "blocks")
+PARTS = ("depth", "memory", "objects")
 ALL = Parts.of(PARTS)
 CHANGES = Augmentation(yaw_rad=0.3, shift_m=1.0, mirror=0.5, brightness=0.2)
 TIMES = ("seconds", "wait_share", "plan_share", "samples_per_s", "evaluation_s")
