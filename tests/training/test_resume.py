@@ -113,7 +113,7 @@ def test_two_checkpoints_are_kept_and_a_damaged_one_is_skipped(tmp_path: Path) -
         run(folder, made_config(), at_step(9, stop=False))
     assert [path.name for path in list_checkpoints(folder)] == [
         "state-00000008.safetensors",
-        "state-00000004.safetensors",
+        "state-00000005.safetensors",
     ]
     latest = list_checkpoints(folder)[0]
     latest.write_bytes(latest.read_bytes()[:5000])
