@@ -11,7 +11,8 @@ from torch import Tensor
 from appocc.camera import CameraRig
 from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
-from appocc.models.view_transform.sampling import plan_sampling, sample_features
+from appocc.models.view_transform.planning import plan_sampling
+from appocc.models.view_transform.sampling import sample_features
 
 
 def ipm(images: Tensor, rig: CameraRig, grid: BEVGrid) -> tuple[Tensor, Tensor]:

@@ -23,13 +23,8 @@ from appocc.models.memory import Past
 from appocc.models.model_spec import ModelSpec, Parts
 from appocc.models.object_head import ObjectHead
 from appocc.models.resnet import conv_norm_relu
-from appocc.models.view_transform.sampling import (
-    HEIGHTS_M,
-    SamplingPlan,
-    plan_sampling,
-    sample_depth,
-    sample_features,
-)
+from appocc.models.view_transform.planning import HEIGHTS_M, plan_sampling
+from appocc.models.view_transform.sampling import SamplingPlan, sample_depth, sample_features
 from appocc.models.view_transform.splatting import pack_cameras, unpack_cameras, visible_cells
 from appocc.probability_calibration import Calibration
 

@@ -20,7 +20,7 @@ from appocc.models.lean_trunk import upsample_twice
 from appocc.models.model_spec import MODEL_SPECS, ModelSpec
 from appocc.models.network import AppoccNet, mean_colours
 from appocc.models.rounding import count_terms
-from appocc.models.view_transform.sampling import HEIGHTS_M
+from appocc.models.view_transform.planning import HEIGHTS_M
 from appocc.rigs import read_rig
 
 AHEAD = ModelSpec("ahead", MODEL_SPECS["180"].channels, BEVGrid(0.0, 19.2, -9.6, 9.6, 0.8), 176, 64)

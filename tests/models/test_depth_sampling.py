@@ -9,7 +9,8 @@ from tolerances import assert_rounded
 from appocc.camera import CameraRig
 from appocc.grid import BEVGrid
 from appocc.models.base import DEPTH_BINS, DEPTH_STEP_M, FIRST_DEPTH_M
-from appocc.models.view_transform.sampling import plan_sampling, sample_depth, sample_features
+from appocc.models.view_transform.planning import plan_sampling
+from appocc.models.view_transform.sampling import sample_depth, sample_features
 from appocc.rigs import read_rig
 
 RIG = CameraRig(tuple(camera.resized(352, 128) for camera in read_rig("paper")))

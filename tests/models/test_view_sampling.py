@@ -13,14 +13,15 @@ from appocc.camera import Camera, CameraRig
 from appocc.errors import ShapeError
 from appocc.geometry import transform
 from appocc.grid import BEVGrid
-from appocc.models.view_transform import sampling
-from appocc.models.view_transform.sampling import SamplingPlan, plan_sampling, sample_features
+from appocc.models.view_transform import planning
+from appocc.models.view_transform.planning import plan_sampling
+from appocc.models.view_transform.sampling import SamplingPlan, sample_features
 from appocc.rigs import read_rig
 
 GRID = BEVGrid(-16.0, 16.0, -12.0, 12.0, 0.8)
 HEIGHTS_M = (0.0, 0.6, 1.3)
 H, W, STRIDE = 16, 44, 8
-whole = sampling._groups
+whole = planning._groups
 READ = 2 * 4 * 6  # terms: products of four weights with features, of six cameras
 
 
@@ -165,14 +166,14 @@ def test_several_rigs_planned_at_once_as_on_a_gpu_get_the_same_plan(
     two, one, all_six = rig("CAM_FRONT", "CAM_BACK"), rig("CAM_FRONT_LEFT"), read_rig("paper")
     for rigs, groups in (([two, one, two, one], 2), ([one, all_six, two], 1), ([one, one, two], 1)):
         expected = plan_sampling(rigs, GRID, HEIGHTS_M, H, W, STRIDE, depths)
-        asked = tuple(map(sampling._key, rigs))
-        assert len(sampling._groups(asked, torch.device("cuda"))) == groups
+        asked = tuple(map(planning._key, rigs))
+        assert len(planning._groups(asked, torch.device("cuda"))) == groups
         with monkeypatch.context() as patched:
-            patched.setattr(sampling, "_groups", lambda keys, device: whole(keys, torch.device("cuda")))
-            patched.setattr(sampling, "_transposed", sampling._by_sorting)
-            sampling._plan_rigs.cache_clear()
+            patched.setattr(planning, "_groups", lambda keys, device: whole(keys, torch.device("cuda")))
+            patched.setattr(planning, "_transposed", planning._by_sorting)
+            planning._plan_rigs.cache_clear()
             found = plan_sampling(rigs, GRID, HEIGHTS_M, H, W, STRIDE, depths)
-        sampling._plan_rigs.cache_clear()
+        planning._plan_rigs.cache_clear()
         for one_table, other in ((found.read, expected.read), (found.spread, expected.spread)):
             assert all(torch.equal(a, b) for a, b in zip(one_table, other, strict=True))
         assert torch.equal(found.count, expected.count)
