@@ -7,7 +7,9 @@ loader ends before its data do.
 from __future__ import annotations
 
 import multiprocessing
+import os
 import pickle
+import secrets
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -48,20 +50,23 @@ def batches_by_processes(job: Callable[[int], Batch], first: int, size: int) -> 
         Exception: as the job does.
     """
     context = _context()
+    name = f"appocc-{os.getpid()}-{secrets.token_hex(2)}"
     workers: list[tuple[Connection, BaseProcess]] = []
     try:
         for number in range(size):
             ours, theirs = context.Pipe()
-            process: BaseProcess = context.Process(target=_serve, args=(job, theirs), daemon=True)
+            process: BaseProcess = context.Process(target=_serve, args=(job, theirs, name), daemon=True)
             process.start()
             theirs.close()
             workers.append((ours, process))
             for ahead in range(_AHEAD):
-                ours.send(first + number + ahead * size)
+                with suppress(OSError):
+                    ours.send(first + number + ahead * size)
         for step in count(first):
             worker, _ = workers[(step - first) % size]
             batch = _received(worker)
-            worker.send(step + _AHEAD * size)
+            with suppress(OSError):  # a killed process is told when its next batch is due
+                worker.send(step + _AHEAD * size)
             yield batch
     finally:
         for worker, process in workers:
@@ -119,23 +124,23 @@ def _tensor(array: np.ndarray | None) -> Tensor | None:
 # In a process -------------------------------------------------------------------------------------------------------
 
 
-def _serve(job: Callable[[int], Batch], connection: Connection) -> None:
-    """Load the batches that are asked for, until the parent asks for no more or dies."""
+def _serve(job: Callable[[int], Batch], connection: Connection, name: str) -> None:
+    """Load the batches that are asked for, until the parent asks for no more or dies; `name` begins their blocks'."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its processes
     cv2.setNumThreads(1)
     torch.set_num_threads(1)
     with suppress(EOFError, OSError):
         while (step := connection.recv()) is not None:
             try:
-                connection.send(_stored(job(step)))
+                connection.send(_stored(job(step), f"{name}-{step}"))
             except Exception as error:
                 connection.send(error)
                 return
     connection.close()
 
 
-def _stored(batch: Batch) -> _Stored:
-    """Copy a batch to shared memory."""
+def _stored(batch: Batch, name: str) -> _Stored:
+    """Copy a batch to a block of shared memory with a name."""
     past = None if batch.past is None else tuple(None if each is None else each.numpy() for each in batch.past)
     truth = tuple(each.numpy() for each in batch.truth)
     content = (batch.images.movedim(2, -1).numpy(), batch.rigs, truth, batch.number, past)  # images are contiguous so
@@ -146,11 +151,11 @@ def _stored(batch: Batch) -> _Stored:
         start = -(-stop // _ALIGNED_BYTES) * _ALIGNED_BYTES
         stop = start + buffer.nbytes
         places.append((start, stop))
-    block = SharedMemory(create=True, size=max(1, stop))
+    block = SharedMemory(name, create=True, size=max(1, stop))
     shared = block.buf
     assert shared is not None
     for buffer, (start, stop) in zip(buffers, places, strict=True):
         shared[start:stop] = buffer
     del shared
     block.close()
-    return _Stored(pickled, places, block.name)
+    return _Stored(pickled, places, name)
