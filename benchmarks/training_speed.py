@@ -62,10 +62,10 @@ def measure(setup: TrainingSetup, config: Config, processes: ProcessGroup, steps
         model.zero_grad()
 
     loads = setup.train.batches(_DIFFERENT, 0)
-    load_ms = timed(lambda number: next(loads), 3, wait)[0]
-    plan_ms = timed(lambda number: model.plan(prepared[number % _DIFFERENT].batch.rigs), 3, wait)[0]
-    timed(lambda number: step(prepared[number % _DIFFERENT]), _DIFFERENT, wait)
-    step_ms, launch_ms = timed(lambda number: step(prepared[number % _DIFFERENT]), steps, wait)
+    load_ms = timed(lambda number: next(loads), 3)[0]
+    plan_ms = timed(lambda number: model.plan(prepared[number % _DIFFERENT].batch.rigs), 3)[0]
+    timed(lambda number: step(prepared[number % _DIFFERENT]), _DIFFERENT)
+    step_ms, launch_ms = timed(lambda number: step(prepared[number % _DIFFERENT]), steps)
     rate = config.train.batch / step_ms * 1000
     memory = torch.cuda.max_memory_allocated() / 2**30 if processes.on_gpu else float("nan")
     return f"{load_ms:8.0f}{plan_ms:8.0f}{step_ms:8.0f}{launch_ms:8.0f}{rate:11.1f}{memory:5.1f}"
@@ -77,7 +77,7 @@ def wait() -> None:
         torch.cuda.synchronize()
 
 
-def timed(job: Callable[[int], object], count: int, wait: Callable[[], None]) -> tuple[float, float]:
+def timed(job: Callable[[int], object], count: int) -> tuple[float, float]:
     """Return the median milliseconds of a job until the device is done, and until it returns."""
     whole, returned = [], []
     for number in range(count):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import torch
 from safetensors import SafetensorError, safe_open
@@ -153,15 +153,18 @@ def read_calibrations(card: Card) -> tuple[list[Calibration], Calibration | None
     """
     try:
         found = json.loads(card.get("validation", "{}"))
-        classes = [Calibration(*map(float, found["calibration"][name])) for name in CLASSES if "calibration" in found]
+        classes = [_calibration(found["calibration"][name]) for name in CLASSES if "calibration" in found]
         objects = found.get("object_calibration")
-        both = classes, None if objects is None else Calibration(*map(float, objects))
+        return classes, None if objects is None else _calibration(objects)
     except (KeyError, ValueError, TypeError, AttributeError, RecursionError) as error:
         raise DataError(f"card: invalid calibration ({_one_line(error)})") from error
-    for each in (*both[0], *both[1:]):
-        if each is not None and not (math.isfinite(each.bias) and 0 < each.temperature < math.inf):
-            raise DataError(f"card: expected calibrations with a positive temperature and a finite bias, got {each}")
-    return both
+
+
+def _calibration(values: Iterable[float]) -> Calibration:
+    temperature, bias = map(float, values)
+    if not (math.isfinite(bias) and 0 < temperature < math.inf):
+        raise ValueError(f"expected a positive temperature and a finite bias, got {temperature} and {bias}")
+    return Calibration(temperature, bias)
 
 
 def _read(path: PathLike) -> tuple[dict[str, str], dict[str, Tensor]]:

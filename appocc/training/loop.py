@@ -58,9 +58,7 @@ def train(
     stream = setup.train.batches(first, config.data.workers, processes.on_gpu)
     with prefetch(stream, run.model, processes.device) as batches:
         while True:
-            due = progress.step % config.evaluate.every_steps == 0 and progress.step > 0
-            if (due or run.share >= 1) and progress.evaluated < progress.step:
-                _save_checkpoint(run)  # an evaluation that fails must not cost the training
+            if _evaluation_due(run):
                 _evaluate(run)
             if run.share >= 1:
                 break
@@ -209,6 +207,13 @@ def _update_ema(run: TrainingRun) -> None:
 # Evaluation -------------------------------------------------------------------------------------------------------
 
 
+def _evaluation_due(run: TrainingRun) -> bool:
+    """Whether to evaluate the weights of this step: after some steps, and at the end."""
+    progress = run.progress
+    due = progress.step % run.config.evaluate.every_steps == 0 and progress.step > 0
+    return (due or run.share >= 1) and progress.evaluated < progress.step
+
+
 def _evaluate(run: TrainingRun) -> None:
     """Evaluate the EMA weights on the validation set; save them if they are the best so far."""
     progress, start = run.progress, time.perf_counter()
@@ -320,8 +325,11 @@ def _model_card(run: TrainingRun, found: ValidationMetrics, calibrated: bool) ->
 
 
 def _checkpoint_due(run: TrainingRun) -> bool:
-    """Whether to write a checkpoint now: after some steps or, once the metrics are fetched, some minutes."""
-    due = run.progress.step % run.config.save.every_steps == 0
+    """Whether to write a checkpoint now: after some steps or, once the metrics are fetched, some minutes.
+
+    Also before an evaluation, which may fail and must not cost the training.
+    """
+    due = run.progress.step % run.config.save.every_steps == 0 or _evaluation_due(run)
     late = time.monotonic() - run.saved_at > 60 * run.config.save.every_minutes
     return due or (late and not run.pending)
 

@@ -21,7 +21,6 @@ from appocc.rigs import read_rig
 GRID = BEVGrid(-16.0, 16.0, -12.0, 12.0, 0.8)
 HEIGHTS_M = (0.0, 0.6, 1.3)
 H, W, STRIDE = 16, 44, 8
-whole = planning._groups
 READ = 2 * 4 * 6  # terms: products of four weights with features, of six cameras
 
 
@@ -163,13 +162,14 @@ def test_several_rigs_planned_at_once_as_on_a_gpu_get_the_same_plan(
     depths: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Rigs with different numbers of cameras; a batch of clips, which repeats its rigs, and one of single frames."""
+    groups_of = planning._groups
     two, one, all_six = rig("CAM_FRONT", "CAM_BACK"), rig("CAM_FRONT_LEFT"), read_rig("paper")
     for rigs, groups in (([two, one, two, one], 2), ([one, all_six, two], 1), ([one, one, two], 1)):
         expected = plan_sampling(rigs, GRID, HEIGHTS_M, H, W, STRIDE, depths)
         asked = tuple(map(planning._key, rigs))
         assert len(planning._groups(asked, torch.device("cuda"))) == groups
         with monkeypatch.context() as patched:
-            patched.setattr(planning, "_groups", lambda keys, device: whole(keys, torch.device("cuda")))
+            patched.setattr(planning, "_groups", lambda keys, device: groups_of(keys, torch.device("cuda")))
             patched.setattr(planning, "_transposed", planning._by_sorting)
             planning._plan_rigs.cache_clear()
             found = plan_sampling(rigs, GRID, HEIGHTS_M, H, W, STRIDE, depths)
