@@ -1,6 +1,6 @@
 """Accuracy of grounding on commands in simulated scenes with known referent and goal region.
 
-    python -m benchmarks.grounding_cases ROOT [--bev SOURCE] [--noisy] [--cases 1000] [--seed 0]
+    python -m benchmarks.grounding_cases ROOT [--bev SOURCE] [--noisy | --tracked] [--cases 1000] [--seed 0]
                                               [--errors] [--pictures DIR]
 
 ROOT is a simulated dataset. A case is a key frame, a sentence, its referent (two for "between") by true body, paint,
@@ -9,7 +9,8 @@ without any code of `grounding` (`benchmarks.grounding_truth`). In 15 % of the c
 sentence does not decide between them; in 5 % there is no such vehicle.
 
 - --bev: source of the maps; with `exact` the true boxes are given too, with any other source only the map and its
-  objects. --noisy: exact maps with the noise of `benchmarks.colour_ablation`, only the map. A map without objects has
+  objects. --tracked: its objects are tracked from the first frame of the scene, and the tracks are given.
+  --noisy: exact maps with the noise of `benchmarks.colour_ablation`, only the map. A map without objects has
   no fronts, speeds and heights: sentences then do not mention parked or moving, car, van and truck are distinguished
   by other words, and "behind" is along our own direction.
 - vehicle: the referent is right (without boxes: within 2 m), or none if none is named. place: the target is in the
@@ -27,7 +28,7 @@ from __future__ import annotations
 import argparse
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
@@ -53,6 +54,7 @@ from benchmarks.grounding_truth.key_frames import Town, TrueFrame
 from benchmarks.grounding_truth.places import TURN_DEG
 from benchmarks.grounding_truth.roads import EGO
 from grounding.grounder import Grounder
+from tracking import OBJECTS, Detections, Tracker, Tracks
 
 # Without boxes, the vehicle within this distance is the right one; tolerance of headings that come in steps.
 SAME_M, YAW_SLACK_DEG = 2.0, 5.0
@@ -209,9 +211,23 @@ def noisy_map(moment: TrueFrame, random: np.random.Generator) -> BEVMap:
     return replace(moment.bev, occupancy=occupancy, appearance=appearance)
 
 
-def product_and_map(town: Town, moment: TrueFrame, source: str, noisy: bool, seed: int) -> tuple[Grounder, BEVMap]:
+def track_all(town: Town, source: str) -> dict[str, Tracks]:
+    """Return the tracks at each key frame, of the objects of the maps of its scene up to there."""
+    tracked: dict[str, Tracks] = {}
+    for scene in town.dataset.scenes:
+        tracker = Tracker(OBJECTS)
+        for sample in town.dataset.samples(scene):
+            detections = Detections.from_bev(load_map(town.dataset.root, source, sample.token))
+            pose = town.dataset.world_from_ego(sample)
+            tracked[sample.token] = tracker.update(detections, sample.timestamp_us, pose)
+    return tracked
+
+
+def product_and_map(
+    town: Town, moment: TrueFrame, source: str, noisy: bool, seed: int, tracked: Mapping[str, Tracks] | None = None
+) -> tuple[Grounder, BEVMap]:
     """Return a grounder with a key frame as its scene, and the map that it got."""
-    boxes: Boxes | None = None
+    boxes: Boxes | Tracks | None = None if tracked is None else tracked[moment.token]
     if noisy:
         bev = noisy_map(moment, np.random.default_rng([seed, 7, zlib.crc32(moment.token.encode())]))
     elif source == "exact":
@@ -225,13 +241,19 @@ def product_and_map(town: Town, moment: TrueFrame, source: str, noisy: bool, see
 
 
 def verdicts(
-    town: Town, cases: Sequence[Case], source: str, noisy: bool, seed: int, pictures: Path | None
+    town: Town,
+    cases: Sequence[Case],
+    source: str,
+    noisy: bool,
+    seed: int,
+    pictures: Path | None,
+    tracked: Mapping[str, Tracks] | None,
 ) -> Iterator[Verdict]:
     """Ask and evaluate, key frame by key frame; draw some of the wrong answers."""
     drawn = 0
     for token, ours in groupby(cases, key=lambda case: case.token):
         moment = town.moment(token)
-        grounder, bev = product_and_map(town, moment, source, noisy, seed)
+        grounder, bev = product_and_map(town, moment, source, noisy, seed, tracked)
         for case in ours:
             try:
                 asked = ask(case.sentence, grounder)
@@ -343,7 +365,9 @@ def main(words: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("root", type=Path)
     parser.add_argument("--bev", default="exact")
-    parser.add_argument("--noisy", action="store_true")
+    given_maps = parser.add_mutually_exclusive_group()
+    given_maps.add_argument("--noisy", action="store_true")
+    given_maps.add_argument("--tracked", action="store_true")
     parser.add_argument("--cases", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--errors", action="store_true")
@@ -356,7 +380,8 @@ def main(words: Sequence[str] | None = None) -> None:
             task = progress.add_task("making cases", total=given.cases)
             blobs = given.noisy or (given.bev != "exact" and not _has_objects(town, given.bev))
             made = make_cases(town, given.cases, given.seed, blobs, lambda n: progress.update(task, completed=n))
-            asking = verdicts(town, made.cases, given.bev, given.noisy, given.seed, given.pictures)
+            tracked = track_all(town, given.bev) if given.tracked else None
+            asking = verdicts(town, made.cases, given.bev, given.noisy, given.seed, given.pictures, tracked)
             judged = list(progress.track(asking, total=len(made.cases), description="asking"))
     except AppoccError as error:
         parser.exit(2, f"{error}\n")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,19 +29,34 @@ _CLASS_FIT: Mapping[str, Mapping[str, float]] = {
     "construction_vehicle": {"construction vehicle": 1.0, "truck": 0.1},
     "person": {"person": 1.0},
 }
-# Frequency and length (mean, standard deviation, metres) of vehicle classes, for vehicles of unknown class.
-# Trucks appear twice: pickups and large trucks.
-_LENGTH_PRIORS: tuple[tuple[str, float, float, float], ...] = (
-    ("car", 0.74, 4.5, 0.4),
-    ("van", 0.09, 5.35, 0.3),
-    ("truck", 0.08, 5.4, 0.25),
-    ("truck", 0.03, 7.5, 1.5),
-    ("bus", 0.03, 11.0, 1.3),
-    ("trailer", 0.005, 10.0, 3.0),
-    ("motorcycle", 0.03, 2.05, 0.2),
-    ("bicycle", 0.01, 1.75, 0.15),
-    ("construction_vehicle", 0.005, 7.0, 2.0),
+
+
+class _Body(NamedTuple):
+    """A body style: its frequency among vehicles, and the mean and standard deviation of its size in metres."""
+
+    noun: str
+    style: str
+    frequency: float
+    length_m: tuple[float, float]
+    height_m: tuple[float, float]
+
+
+# Body styles, for vehicles of unknown class.
+_BODIES = (
+    _Body("car", "low", 0.54, (4.45, 0.4), (1.47, 0.06)),
+    _Body("car", "suv", 0.20, (4.6, 0.3), (1.68, 0.07)),
+    _Body("van", "minivan", 0.03, (4.9, 0.25), (1.79, 0.06)),
+    _Body("van", "panel van", 0.06, (5.4, 0.4), (2.2, 0.25)),
+    _Body("truck", "pickup", 0.08, (5.4, 0.25), (1.86, 0.08)),
+    _Body("truck", "heavy", 0.03, (7.5, 1.5), (3.2, 0.5)),
+    _Body("bus", "", 0.03, (11.0, 1.3), (3.1, 0.3)),
+    _Body("trailer", "", 0.005, (10.0, 3.0), (3.5, 0.5)),
+    _Body("motorcycle", "", 0.03, (2.05, 0.2), (1.3, 0.25)),
+    _Body("bicycle", "", 0.01, (1.75, 0.15), (1.4, 0.3)),
+    _Body("construction_vehicle", "", 0.005, (7.0, 2.0), (3.0, 0.6)),
 )
+# Standard deviation of predicted heights.
+_HEIGHT_STD_M = 0.12
 # Exponent below 1: a class that is named is less improbable than its frequency.
 _NAMED_EXPONENT = 0.7
 # On predicted maps parked cars merge and distant cars are truncated, so any length may be a car.
@@ -82,7 +98,7 @@ def fit_noun(noun: str, head: str, table: ObjectTable) -> FloatArray:
         fit = np.maximum(fit, [float(name == second) for name in table.class_names])
     fit = _adjust_by_size(noun, head, fit, table)
     shape_only = np.array([name == "vehicle" for name in table.class_names], np.bool_)
-    return np.where(shape_only, _fit_length(noun, table), fit)
+    return np.where(shape_only, _fit_size(noun, head, table), fit)
 
 
 def _adjust_by_size(noun: str, head: str, fit: FloatArray, table: ObjectTable) -> FloatArray:
@@ -115,11 +131,34 @@ def _adjust_by_size(noun: str, head: str, fit: FloatArray, table: ObjectTable) -
     return fit
 
 
-def _fit_length(noun: str, table: ObjectTable) -> FloatArray:
-    """Return the probability (N,) of a class given the length, tempered by `_NAMED_EXPONENT`."""
-    _, frequency, mean, std = (np.array(each) for each in zip(*_LENGTH_PRIORS, strict=True))
-    std = np.hypot(std, table.length_std_m)
-    likelihood = frequency / std * np.exp(-0.5 * ((table.size_m[:, :1] - mean) / std) ** 2) + 1e-12
-    own = likelihood[:, [name == noun for name, *_ in _LENGTH_PRIORS]].sum(axis=1)
-    fit = (own / likelihood.sum(axis=1)) ** _NAMED_EXPONENT
+def _fit_size(noun: str, head: str, table: ObjectTable) -> FloatArray:
+    """Return the probability (N,) of a class given length and, where known, height, tempered by `_NAMED_EXPONENT`."""
+    length_m = np.array([body.length_m for body in _BODIES])
+    height_m = np.array([body.height_m for body in _BODIES])
+    likelihood = np.array([body.frequency for body in _BODIES]) * (
+        _density(table.size_m[:, :1], length_m, table.length_std_m)
+        * np.nan_to_num(_density(table.size_m[:, 2:], height_m, _HEIGHT_STD_M), nan=1.0)
+    )
+    style = _style_of(head)
+    share = [(body.noun == noun) * (1 if style in ("", body.style) else _OTHER_BODY_FIT) for body in _BODIES]
+    fit = (likelihood @ share / (likelihood.sum(axis=1) + 1e-12)) ** _NAMED_EXPONENT
     return np.asarray(np.maximum(fit, _LEAST_CAR_FIT) if noun == "car" else fit)
+
+
+def _density(value: FloatArray, normal: FloatArray, noise: float) -> FloatArray:
+    """Return the densities (N, B) of values (N, 1) with noise, of normal distributions (B, 2)."""
+    std = np.hypot(normal[:, 1], noise)
+    return np.asarray(np.exp(-0.5 * ((value - normal[:, 0]) / std) ** 2) / std)
+
+
+def _style_of(head: str) -> str:
+    """Return the body style that a head word names, '' for any."""
+    if head in _SUVS:
+        return "suv"
+    if head in _LOW_BODIES or head in _SHORT_BODIES:
+        return "low"
+    if head.startswith(_PICKUPS):
+        return "pickup"
+    if head in _HEAVY_TRUCKS:
+        return "heavy"
+    return "minivan" if "mini" in head else ""

@@ -63,6 +63,21 @@ def test_class_and_paint_are_those_of_the_objects(text: str, centre_m: tuple[flo
     assert tuple(answer.referent.item.centre_m) == centre_m
 
 
+@pytest.mark.parametrize(("noun", "x_m"), [("sedan", 10), ("van", 20), ("pickup", 36), ("transit van", 20)])
+def test_cars_vans_and_pickups_are_told_apart_by_their_predicted_size(noun: str, x_m: float) -> None:
+    """Networks find all of them as cars."""
+    sizes = {
+        10: (1.8, 4.6, 1.45),
+        20: (2.0, 5.5, 2.3),
+        36: (2.0, 5.4, 1.88),
+        28: (1.9, 4.6, 1.7),
+    }
+    parked = (made_object("car", float(x), -5.0, size_wlh_m=size) for x, size in sizes.items())
+    answer = ask(f"stop beside the {noun}", *parked)
+    assert answer.referent is not None, answer.reasons
+    assert answer.referent.item.centre_m[0] == x_m, answer.reasons
+
+
 def test_a_goal_before_a_person() -> None:
     answer = ask("stop before the pedestrian", *CARS, made_object("pedestrian", 15.0, 0.0))
     assert answer.status == "ok", answer.reasons
