@@ -54,7 +54,7 @@ from benchmarks.grounding_truth.key_frames import Town, TrueFrame
 from benchmarks.grounding_truth.places import TURN_DEG
 from benchmarks.grounding_truth.roads import EGO
 from grounding.grounder import Grounder
-from tracking import OBJECTS, Detections, Tracker, Tracks
+from tracking import OBJECTS, Detections, Track, Tracker, Tracks
 
 # Without boxes, the vehicle within this distance is the right one; tolerance of headings that come in steps.
 SAME_M, YAW_SLACK_DEG = 2.0, 5.0
@@ -227,7 +227,7 @@ def product_and_map(
     town: Town, moment: TrueFrame, source: str, noisy: bool, seed: int, tracked: Mapping[str, Tracks] | None = None
 ) -> tuple[Grounder, BEVMap]:
     """Return a grounder with a key frame as its scene, and the map that it got."""
-    boxes: Boxes | Tracks | None = None if tracked is None else tracked[moment.token]
+    boxes: Boxes | Sequence[Track] | None = None if tracked is None else list(tracked[moment.token])
     if noisy:
         bev = noisy_map(moment, np.random.default_rng([seed, 7, zlib.crc32(moment.token.encode())]))
     elif source == "exact":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from appocc.colours import Exposure
 from appocc.files import read_image
 from appocc.geometry import apply, inverse
 from appocc.groundtruth.bodywork import BodyworkSamples, estimate_exposure, estimate_paint, extract_bodywork
-from appocc.groundtruth.inputs import PosedImage, SampleInput
+from appocc.groundtruth.inputs import SampleInput
 from appocc.groundtruth.visibility import DepthImage, image_rectangle, ray_box_entry
 from appocc.nuscenes.lidar import read_lidar
 
@@ -22,9 +22,21 @@ PaintMethod = Literal["mode", "robust"]
 # The paper's histogram: 25 bins of width 10 per channel.
 _BINS, _BIN_WIDTH = 25, 10
 _SAMPLES_PER_SIDE = 56
-_MIN_PIXELS = 12
+MIN_PIXELS = 12
 # LiDAR points within this distance of a box belong to the vehicle.
 _BOX_MARGIN_M = 0.15
+
+
+class View(Protocol):
+    """A camera and its pose, in the frame of the boxes."""
+
+    @property
+    def camera(self) -> Camera:
+        """The camera."""
+
+    @property
+    def world_from_cam(self) -> FloatArray:
+        """(4, 4) pose of the camera."""
 
 
 class BoxPixels(NamedTuple):
@@ -51,9 +63,7 @@ class BoxColours(NamedTuple):
 _NO_PIXELS = BoxPixels(np.zeros((0, 3), np.uint8), np.zeros(0), 0.0)
 
 
-def box_pixels(
-    image: ByteArray, view: PosedImage, boxes_world: Boxes, target: int, depth: DepthImage | None
-) -> BoxPixels:
+def box_pixels(image: ByteArray, view: View, boxes_world: Boxes, target: int, depth: DepthImage | None) -> BoxPixels:
     """Return the pixels that show box `target`: where LiDAR points are inside it, else where it is not occluded.
 
     Pixels whose LiDAR depth is beyond the box (next to the bonnet, through glass) show something else. Without LiDAR
@@ -70,7 +80,7 @@ def box_pixels(
     where = _entry(eye, rays, boxes_world, target)
     hit = np.isfinite(where)
     uv, rays, where = uv[hit], rays[hit], where[hit]
-    if len(uv) < _MIN_PIXELS:
+    if len(uv) < MIN_PIXELS:
         return _NO_PIXELS
     free = np.ones(len(uv), dtype=np.bool_)
     for other in _possible_occluders(camera, corners_cam, target, rectangle):
@@ -79,7 +89,7 @@ def box_pixels(
         swept = depth.depth_m(uv)
         points_world = eye + rays * np.where(np.isfinite(swept), swept, 0.0)[:, None]
         on = boxes_world.select(np.array([target])).inside(points_world, _BOX_MARGIN_M) & np.isfinite(swept)
-        free = on | (free & np.isinf(swept)) if on.sum() >= _MIN_PIXELS else free & ~depth.occludes(uv, where)
+        free = on | (free & np.isinf(swept)) if on.sum() >= MIN_PIXELS else free & ~depth.occludes(uv, where)
         where = np.where(on, swept, where)
     uv, rays, where = uv[free], rays[free], where[free]
     local = apply(inverse(boxes_world.frame_from_box(target)), eye + rays * where[:, None])
@@ -135,7 +145,7 @@ def mode_colours(sample: SampleInput, selected: BoolArray) -> BoxColours:
     for i, views in _visible_boxes(sample, selected):
         rgb, height, _ = zip(*(pixels for pixels, _, _ in views), strict=True)
         pixels = BoxPixels(np.concatenate(rgb), np.concatenate(height), 1.0)
-        if len(pixels.rgb) >= _MIN_PIXELS:
+        if len(pixels.rgb) >= MIN_PIXELS:
             painted.rgb[i], painted.known[i] = histogram_mode(pixels), True
     return painted
 
@@ -153,7 +163,7 @@ def bodywork_by_box(
     bodies: list[list[BodyworkSamples]] = [[] for _ in selected]
     for i, views in _visible_boxes(sample, selected):
         for pixels, channel, light in views:
-            if len(pixels.rgb) >= _MIN_PIXELS:
+            if len(pixels.rgb) >= MIN_PIXELS:
                 bodies[i].append(extract_bodywork(*pixels, light, gains.get(channel, np.ones(3))))
     return bodies
 

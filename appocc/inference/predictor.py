@@ -18,6 +18,7 @@ from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.geometry import apply, inverse
 from appocc.inference.exposure import brightening_exponent
+from appocc.inference.vehicle_paint import paint_from_images
 from appocc.models.base import BEVModel, ViewTransformPlan
 from appocc.models.input_images import fit_image, select_channels
 from appocc.models.memory import MEMORY_AGE_S, MIN_MEMORY_AGE_S, Past, ground_motion, is_linked
@@ -25,7 +26,7 @@ from appocc.models.model_spec import ModelSpec
 from appocc.models.object_decoding import decode_objects, fuse_vehicles, paint_objects, rescore_objects
 
 # Version of what a map depends on besides its inputs and weights: change it with the values of maps.
-MAP_RULES = 4
+MAP_RULES = 5
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,8 @@ class Predictor:
         """
         spec = self.model.spec
         stacked, rig = stack_images(frame, spec)
-        plan = self._plan(_levelled(rig, frame.ego_from_level))
+        rig = _levelled(rig, frame.ego_from_level)
+        plan = self._plan(rig)
         images = stacked.to(self._device).float()[None] / 255
         exponent = brightening_exponent(images)
         images = images**exponent if exponent < 1 else images
@@ -131,6 +133,7 @@ class Predictor:
             objects = rescore_objects(objects, spec.grid, occupancy)
             if colour is not None:
                 objects = paint_objects(objects, spec.grid, occupancy, rgb, seen)
+                objects = paint_from_images(objects, stacked.numpy(), select_cameras(spec, rig))
             occupancy = fuse_vehicles(objects, spec.grid, occupancy)
             if frame.ego_from_level is not None:
                 objects = replace(objects, centre_m=apply(frame.ego_from_level, objects.centre_m))

@@ -1,0 +1,85 @@
+"""Paint of predicted vehicles: hue and chroma of their bodywork in the images.
+
+A cell of a map mixes the colour of a vehicle with those around it, so that saturated paints fade. The sides of a
+vehicle show its paint, in other light than from above: the lightness is the mean of both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from appocc.boxes import Boxes
+from appocc.camera import Camera
+from appocc.checks import ByteArray, FloatArray
+from appocc.geometry import quaternion_from_yaw, rotation_from_quaternion
+from appocc.groundtruth.bodywork import estimate_exposure, estimate_paint, extract_bodywork
+from appocc.groundtruth.painting import MIN_PIXELS, box_pixels
+from appocc.objects import BEVObjects
+from appocc.srgb import encode_srgb, linear_from_srgb
+
+# Vehicles below this score neither get paint from the images nor occlude others.
+_LEAST_SCORE = 0.2
+_SAME_EXPOSURE = np.ones(3)
+# Luminance (linear) of the darkest paint: black in shadow.
+_BLACK = 1e-3
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB
+
+
+class _View(NamedTuple):
+    """A camera and its pose in the ego frame."""
+
+    camera: Camera
+    world_from_cam: FloatArray
+
+
+def paint_from_images(objects: BEVObjects, images: ByteArray, cameras: Sequence[Camera]) -> BEVObjects:
+    """Return the objects, the vehicles among them with the paint of their bodywork in the images.
+
+    Vehicles that no image shows keep the paint that they have.
+
+    Args:
+        objects: objects of a map with the paint of its cells, in the ego frame of the cameras.
+        images: (N, 3, H, W) uint8 sRGB.
+        cameras: N cameras.
+    """
+    chosen = np.flatnonzero(objects.are_vehicles & (objects.score >= _LEAST_SCORE))
+    boxes, rgb = _boxes_of(objects.select(chosen)), objects.rgb.copy()
+    pictures = [np.ascontiguousarray(image.transpose(1, 2, 0)) for image in images]
+    views = [
+        (image, _View(camera, camera.ego_from_cam), estimate_exposure(image))
+        for image, camera in zip(pictures, cameras, strict=True)
+    ]
+    for number, own in enumerate(chosen.tolist()):
+        shown = [(box_pixels(image, view, boxes, number, None), light) for image, view, light in views]
+        seen = [(pixels, light) for pixels, light in shown if len(pixels.rgb) >= MIN_PIXELS]
+        if seen:
+            paint = estimate_paint([extract_bodywork(*pixels, light, _SAME_EXPOSURE) for pixels, light in seen])
+            rgb[own] = _in_mean_light(paint.astype(np.float64), rgb[own])
+    return objects.painted(rgb)
+
+
+def _in_mean_light(paint: FloatArray, other: FloatArray) -> FloatArray:
+    """Return a paint (3,) at the geometric mean of its own luminance and that of another colour, NaN if unknown."""
+    linear, goal = linear_from_srgb(paint), linear_from_srgb(other)
+    own, its = (max(float(colour @ _LUMINANCE), _BLACK) for colour in (linear, goal))
+    if not np.isfinite(its):
+        return paint
+    return np.asarray(255 * encode_srgb(np.minimum(linear * np.sqrt(its / own), 1.0)))
+
+
+def _boxes_of(objects: BEVObjects) -> Boxes:
+    """Return objects as boxes."""
+    names = tuple(map(str, range(len(objects))))
+    return Boxes(
+        centre_m=objects.centre_m,
+        size_wlh_m=objects.size_wlh_m,
+        rotation=rotation_from_quaternion(quaternion_from_yaw(objects.yaw_rad)),
+        category=objects.kind,
+        instance=names,
+        token=names,
+        velocity_mps=objects.velocity_mps,
+        lidar_points=np.full(len(objects), -1),
+    )
