@@ -62,12 +62,12 @@ def paint_from_images(objects: BEVObjects, images: ByteArray, cameras: Sequence[
 
 
 def _in_mean_light(paint: FloatArray, other: FloatArray) -> FloatArray:
-    """Return a paint (3,) at the geometric mean of its own luminance and that of another colour, NaN if unknown."""
-    linear, goal = linear_from_srgb(paint), linear_from_srgb(other)
-    own, its = (max(float(colour @ _LUMINANCE), _BLACK) for colour in (linear, goal))
-    if not np.isfinite(its):
+    """Return a paint (3,) at the geometric mean of its luminance and that of another colour, if that is known."""
+    if not np.isfinite(other).all():
         return paint
-    return np.asarray(255 * encode_srgb(np.minimum(linear * np.sqrt(its / own), 1.0)))
+    linear = linear_from_srgb(paint)
+    own, goal = (max(float(light @ _LUMINANCE), _BLACK) for light in (linear, linear_from_srgb(other)))
+    return np.asarray(255 * encode_srgb(np.minimum(linear * np.sqrt(goal / own), 1.0)))
 
 
 def _boxes_of(objects: BEVObjects) -> Boxes:
