@@ -30,7 +30,7 @@ _PALE_SPREAD = (10.0, 6.0, 9.0)
 _XYZ_FROM_RGB = np.array(
     [[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169], [0.019334, 0.119193, 0.950227]]
 )
-_LUMINANCE = _XYZ_FROM_RGB[1]
+LUMINANCE = _XYZ_FROM_RGB[1]  # weights of linear red, green and blue
 _WHITE_XYZ = np.array([0.95047, 1.0, 1.08883])
 _STRAIGHT_BELOW, _STRAIGHT_SLOPE = 0.008856, 7.787
 
@@ -113,7 +113,7 @@ class Exposure:
     def lab(self, rgb: ArrayLike) -> FloatArray:
         """Return CIELAB (..., 3) in neutral daylight of sRGB colours (..., 3) in 0..255."""
         linear = linear_from_srgb(rgb) * self.gain
-        luminance = (linear @ _LUMINANCE)[..., None]
+        luminance = (linear @ LUMINANCE)[..., None]
         return _lab_from_linear(np.minimum(linear * _unveiling(luminance, self.veil), 1.2))
 
 
@@ -318,13 +318,13 @@ def _exposure(road: FloatArray | None, vehicles: FloatArray) -> Exposure:
     vehicles = vehicles[np.isfinite(vehicles).all(axis=1)]
     tint = _tint(road, vehicles)
     stops = _STOPS[:, None]
-    luminance = np.maximum(vehicles / tint @ _LUMINANCE, 1e-5) * 2.0**stops
+    luminance = np.maximum(vehicles / tint @ LUMINANCE, 1e-5) * 2.0**stops
     lightness = 116 * np.cbrt(luminance * _unveiling(luminance, _VEIL)) - 16
     likely = _grey_words(lightness, _BLUR).sum(axis=-1) + _OTHERS_SHARE / _OTHERS_SPREAD
     trust = min(1.0, _MOST_VEHICLES / max(len(vehicles), 1))
     score = trust * np.log(likely).sum(axis=1) - 0.5 * (_STOPS / _ANY_SPREAD) ** 2
     if road is not None:
-        score = score - 0.5 * ((np.log2(road @ _LUMINANCE) + _STOPS - _ROAD_STOPS) / _ROAD_SPREAD) ** 2
+        score = score - 0.5 * ((np.log2(road @ LUMINANCE) + _STOPS - _ROAD_STOPS) / _ROAD_SPREAD) ** 2
     weight = np.exp(score - score.max())
     return Exposure(2.0 ** float(weight @ _STOPS / weight.sum()) / tint)
 
@@ -343,4 +343,4 @@ def _tint(road: FloatArray | None, vehicles: FloatArray) -> FloatArray:
 def _hue_alone(linear: FloatArray) -> FloatArray:
     """Return the logarithms of linear colours (..., 3) without their brightness."""
     logarithms = np.log(linear)
-    return np.asarray(logarithms - (logarithms @ _LUMINANCE)[..., None])
+    return np.asarray(logarithms - (logarithms @ LUMINANCE)[..., None])

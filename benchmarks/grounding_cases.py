@@ -373,6 +373,8 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--errors", action="store_true")
     parser.add_argument("--pictures", type=Path)
     given = parser.parse_args(words)
+    if given.tracked and given.bev == "exact":
+        parser.error("--tracked: expected --bev SOURCE of predicted maps, got exact, which gives the true boxes")
     console = Console(width=120)
     try:
         town = Town(given.root)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -25,18 +25,6 @@ _SAMPLES_PER_SIDE = 56
 MIN_PIXELS = 12
 # LiDAR points within this distance of a box belong to the vehicle.
 _BOX_MARGIN_M = 0.15
-
-
-class View(Protocol):
-    """A camera and its pose, in the frame of the boxes."""
-
-    @property
-    def camera(self) -> Camera:
-        """The camera."""
-
-    @property
-    def world_from_cam(self) -> FloatArray:
-        """(4, 4) pose of the camera."""
 
 
 class BoxPixels(NamedTuple):
@@ -63,20 +51,27 @@ class BoxColours(NamedTuple):
 _NO_PIXELS = BoxPixels(np.zeros((0, 3), np.uint8), np.zeros(0), 0.0)
 
 
-def box_pixels(image: ByteArray, view: View, boxes_world: Boxes, target: int, depth: DepthImage | None) -> BoxPixels:
+def box_pixels(
+    image: ByteArray,
+    camera: Camera,
+    world_from_cam: FloatArray,
+    boxes_world: Boxes,
+    target: int,
+    depth: DepthImage | None,
+) -> BoxPixels:
     """Return the pixels that show box `target`: where LiDAR points are inside it, else where it is not occluded.
 
     Pixels whose LiDAR depth is beyond the box (next to the bonnet, through glass) show something else. Without LiDAR
     depth, or without points in the box, other boxes occlude it as solid bodies.
     """
-    camera, eye = view.camera, view.world_from_cam[:3, 3]
-    corners_cam = apply(inverse(view.world_from_cam), boxes_world.corners())
+    eye = world_from_cam[:3, 3]
+    corners_cam = apply(inverse(world_from_cam), boxes_world.corners())
     rectangle = image_rectangle(camera, corners_cam[target])
     if rectangle is None:
         return _NO_PIXELS
     uv = _grid_of_pixels(*rectangle)
     sample_px = float(np.prod(rectangle[1] - rectangle[0])) / len(uv)
-    rays = _rays(camera, view.world_from_cam, uv)
+    rays = _rays(camera, world_from_cam, uv)
     where = _entry(eye, rays, boxes_world, target)
     hit = np.isfinite(where)
     uv, rays, where = uv[hit], rays[hit], where[hit]
@@ -183,7 +178,7 @@ def _visible_boxes(
     for i in np.flatnonzero(selected).tolist():
         views = []
         for image, view, depth, light in zip(images, sample.views, depths, lights, strict=True):
-            pixels = box_pixels(image, view, view.boxes_world, i, depth)
+            pixels = box_pixels(image, view.camera, view.world_from_cam, view.boxes_world, i, depth)
             if len(pixels.rgb):
                 views.append((pixels, view.camera.channel, light))
         if views:

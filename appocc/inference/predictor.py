@@ -133,7 +133,7 @@ class Predictor:
             objects = rescore_objects(objects, spec.grid, occupancy)
             if colour is not None:
                 objects = paint_objects(objects, spec.grid, occupancy, rgb, seen)
-                objects = paint_from_images(objects, stacked.numpy(), select_cameras(spec, rig))
+                objects = paint_from_images(objects, stacked.numpy(), rig)
             occupancy = fuse_vehicles(objects, spec.grid, occupancy)
             if frame.ego_from_level is not None:
                 objects = replace(objects, centre_m=apply(frame.ego_from_level, objects.centre_m))

@@ -6,14 +6,14 @@ vehicle show its paint, in other light than from above: the lightness is the mea
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterable
 
 import numpy as np
 
 from appocc.boxes import Boxes
 from appocc.camera import Camera
 from appocc.checks import ByteArray, FloatArray
+from appocc.colours import LUMINANCE
 from appocc.geometry import quaternion_from_yaw, rotation_from_quaternion
 from appocc.groundtruth.bodywork import estimate_exposure, estimate_paint, extract_bodywork
 from appocc.groundtruth.painting import MIN_PIXELS, box_pixels
@@ -25,17 +25,9 @@ _LEAST_SCORE = 0.2
 _SAME_EXPOSURE = np.ones(3)
 # Luminance (linear) of the darkest paint: black in shadow.
 _BLACK = 1e-3
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB
 
 
-class _View(NamedTuple):
-    """A camera and its pose in the ego frame."""
-
-    camera: Camera
-    world_from_cam: FloatArray
-
-
-def paint_from_images(objects: BEVObjects, images: ByteArray, cameras: Sequence[Camera]) -> BEVObjects:
+def paint_from_images(objects: BEVObjects, images: ByteArray, cameras: Iterable[Camera]) -> BEVObjects:
     """Return the objects, the vehicles among them with the paint of their bodywork in the images.
 
     Vehicles that no image shows keep the paint that they have.
@@ -47,13 +39,13 @@ def paint_from_images(objects: BEVObjects, images: ByteArray, cameras: Sequence[
     """
     chosen = np.flatnonzero(objects.are_vehicles & (objects.score >= _LEAST_SCORE))
     boxes, rgb = _boxes_of(objects.select(chosen)), objects.rgb.copy()
-    pictures = [np.ascontiguousarray(image.transpose(1, 2, 0)) for image in images]
-    views = [
-        (image, _View(camera, camera.ego_from_cam), estimate_exposure(image))
-        for image, camera in zip(pictures, cameras, strict=True)
-    ]
+    pictures = images.transpose(0, 2, 3, 1)
+    views = [(image, camera, estimate_exposure(image)) for image, camera in zip(pictures, cameras, strict=True)]
     for number, own in enumerate(chosen.tolist()):
-        shown = [(box_pixels(image, view, boxes, number, None), light) for image, view, light in views]
+        shown = [
+            (box_pixels(image, camera, camera.ego_from_cam, boxes, number, None), light)
+            for image, camera, light in views
+        ]
         seen = [(pixels, light) for pixels, light in shown if len(pixels.rgb) >= MIN_PIXELS]
         if seen:
             paint = estimate_paint([extract_bodywork(*pixels, light, _SAME_EXPOSURE) for pixels, light in seen])
@@ -66,7 +58,7 @@ def _in_mean_light(paint: FloatArray, other: FloatArray) -> FloatArray:
     if not np.isfinite(other).all():
         return paint
     linear = linear_from_srgb(paint)
-    own, goal = (max(float(light @ _LUMINANCE), _BLACK) for light in (linear, linear_from_srgb(other)))
+    own, goal = (max(float(light @ LUMINANCE), _BLACK) for light in (linear, linear_from_srgb(other)))
     return np.asarray(255 * encode_srgb(np.minimum(linear * np.sqrt(goal / own), 1.0)))
 
 

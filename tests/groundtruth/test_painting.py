@@ -89,6 +89,11 @@ def seen(every: list[Solid], annotated: list[Solid], channel: str = "CAM_FRONT")
     return photograph(model, pose, every), PosedImage(Path("unused"), model, pose, boxes(*annotated), 0)
 
 
+def pixels_of(image: ByteArray, view: PosedImage, every: Boxes, target: int, depth: DepthImage | None) -> BoxPixels:
+    """The pixels of a photograph that show a box."""
+    return box_pixels(image, view.camera, view.world_from_cam, every, target, depth)
+
+
 def painted_of(sample: SampleInput, wanted: BoolArray, how: PaintMethod) -> BoxColours:
     """A sample by itself."""
     return (
@@ -131,8 +136,8 @@ def test_a_car_behind_another_is_painted_from_its_visible_part(tmp_path: Path, p
     # The blue one covers all but a strip of the red one.
     red, blue = car(16, -2.2, RED, "red"), car(9, -0.7, BLUE, "blue")
     image, view = seen([red, blue], [red, blue])
-    share = len(box_pixels(image, view, view.boxes_world, 0, None).rgb) / len(
-        box_pixels(image, view, boxes(red), 0, None).rgb
+    share = len(pixels_of(image, view, view.boxes_world, 0, None).rgb) / len(
+        pixels_of(image, view, boxes(red), 0, None).rgb
     )
     assert 0.05 < share < 0.5
     colours, known = paint(tmp_path, [red, blue], [red, blue], paint_name)
@@ -183,7 +188,7 @@ def test_all_views_count_together(tmp_path: Path, paint_name: PaintMethod) -> No
     """Left and front camera each see an end of the car; the colour is that of the end that is seen more of."""
     street = [car(4.5, 3.2, RED, "a")]
     pictures = [seen(street, street), seen(street, street, "CAM_LEFT")]
-    every = [box_pixels(image, view, view.boxes_world, 0, None) for image, view in pictures]
+    every = [pixels_of(image, view, view.boxes_world, 0, None) for image, view in pictures]
     assert min(len(own.rgb) for own in every) > 12
     few = int(np.argmin([len(own.rgb) * own.sample_px for own in every]))
     pictures[few] = (np.full_like(pictures[few][0], 77), pictures[few][1])
@@ -198,8 +203,8 @@ def test_lidar_points_in_front_of_a_car_occlude_it() -> None:
     y, z = np.meshgrid(np.linspace(-4, 2, 200), np.linspace(0.02, 1.0, 50))
     on_wall = np.stack([np.full(y.size, 10.0), y.ravel(), z.ravel()], axis=1)
     depth = DepthImage(apply(inverse(view.world_from_cam), on_wall), view.camera)
-    without = box_pixels(image, view, view.boxes_world, 0, None)
-    with_depth = box_pixels(image, view, view.boxes_world, 0, depth)
+    without = pixels_of(image, view, view.boxes_world, 0, None)
+    with_depth = pixels_of(image, view, view.boxes_world, 0, depth)
     assert (without.rgb == GREEN).all(axis=1).sum() > 50
     assert (with_depth.rgb == RED).all(axis=1).mean() > 0.95
     assert len(with_depth.rgb) > 50
@@ -216,7 +221,7 @@ def test_a_car_is_seen_past_the_corner_of_a_box_that_is_too_large() -> None:
     red, low = car(16, -1, RED, "red"), Solid((8, -2, 0), (12, 0, 0.6), BLUE, "vehicle.car", "low")
     large = Solid((8, -2, 0), (12, 0, 2.0), BLUE, "vehicle.car", "low")
     image, view = seen([red, low], [red, large])
-    without, found = (box_pixels(image, view, view.boxes_world, 0, own) for own in (None, swept(view, [red, low])))
+    without, found = (pixels_of(image, view, view.boxes_world, 0, own) for own in (None, swept(view, [red, low])))
     assert len(without.rgb) < 12
     assert len(found.rgb) > 100
     assert (found.rgb == RED).all(axis=1).mean() > 0.95
@@ -227,7 +232,7 @@ def test_pixels_with_lidar_depth_beyond_a_box_are_not_the_car() -> None:
     red, wall = car(12, -1, RED, "a"), Solid((30, -20, 0), (31, 20, 8), GREEN)
     wide = Solid((10, -4, 0), (14, 2, 1.5), RED, "vehicle.car", "a")
     image, view = seen([red, wall], [wide])
-    without, found = (box_pixels(image, view, view.boxes_world, 0, own) for own in (None, swept(view, [red, wall])))
+    without, found = (pixels_of(image, view, view.boxes_world, 0, own) for own in (None, swept(view, [red, wall])))
     # The road inside the box lies in it, but low.
     before, after = ((own.rgb[own.height > 0.2] == RED).all(axis=1) for own in (without, found))
     assert before.mean() < 0.7
@@ -238,7 +243,7 @@ def test_pixels_with_lidar_depth_beyond_a_box_are_not_the_car() -> None:
 def test_heights_are_those_of_the_box() -> None:
     red = car(10, -1, RED, "a")
     image, view = seen([red], [red])
-    found = box_pixels(image, view, view.boxes_world, 0, None)
+    found = pixels_of(image, view, view.boxes_world, 0, None)
     assert found.height.min() > -1e-9
     assert found.height.max() < 1 + 1e-9
     assert found.height.min() < 0.05
@@ -250,7 +255,7 @@ def test_heights_are_those_of_the_box() -> None:
 def test_the_area_is_that_in_the_picture(distance: float) -> None:
     red, blue = car(distance, -1.5, RED, "a"), car(distance - 2.2, 1.5, BLUE, "b")
     image, view = seen([red, blue], [red, blue])
-    found = box_pixels(image, view, view.boxes_world, 0, None)
+    found = pixels_of(image, view, view.boxes_world, 0, None)
     assert len(found.rgb) * found.sample_px == pytest.approx((image == RED).all(axis=2).sum(), rel=0.12)
 
 
@@ -280,7 +285,7 @@ def test_a_turned_and_tilted_box_is_hit_where_it_is() -> None:
     ).reshape(540, 960)
     image = np.where(inside > -1.0, 255, 0).astype(np.uint8)[..., None].repeat(3, axis=2)
     view = PosedImage(Path("unused"), model, inverse(cam_from_street), box, 0)
-    found = box_pixels(image, view, box, 0, None)
+    found = pixels_of(image, view, box, 0, None)
     assert len(found.rgb) > 1000
     assert (found.rgb == 255).all()
 
@@ -301,7 +306,7 @@ def test_an_oncoming_car_is_painted_where_the_images_show_it(tmp_path: Path, pai
     assert known[0]
     assert within_bin(colours[0], RED)
     (view,) = sample.views
-    found = box_pixels(read_image(view.path), view, view.boxes_world, 0, None)
+    found = pixels_of(read_image(view.path), view, view.boxes_world, 0, None)
     assert (found.rgb == RED).all(axis=1).mean() > 0.98
 
 
