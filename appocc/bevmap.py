@@ -123,11 +123,13 @@ class BEVMap:
     @cached_property
     def known_objects(self) -> BEVObjects | None:
         """Objects whose centre is in a known vehicle cell, or beyond the grid next to one; None as `objects`."""
-        if self.objects is None:
-            return None
-        cells = self.grid.cell_of(self.objects.centre_m[:, :2])
+        return None if self.objects is None else self.objects.select(self.are_known(self.objects))
+
+    def are_known(self, objects: BEVObjects) -> BoolArray:
+        """Return (N,) whether the centre of an object is in a known vehicle cell, or beyond the grid next to one."""
+        cells = self.grid.cell_of(objects.centre_m[:, :2])
         i, j = np.clip(cells, 0, np.array(self.grid.shape) - 1).T
-        return self.objects.select(self.occupancy_valid[VEHICLE][i, j])
+        return np.asarray(self.occupancy_valid[VEHICLE][i, j])
 
     @cached_property
     def detected_objects(self) -> BEVObjects | None:

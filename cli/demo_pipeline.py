@@ -25,6 +25,7 @@ from grounding.pipeline import set_key_frame
 from grounding.visualization import draw_answer
 from tracking.evaluation.scene import score_scene, write_scored_tracks
 from tracking.pipeline import SceneTracks, track_scene, tracks_folder
+from tracking.pipeline.tracked_objects import TrackedObjects
 from tracking.visualization.video import draw_frame, write_video
 
 COMMANDS = ("park behind the nearest silver car", "stop behind the nearest car ahead", "stop next to the nearest car")
@@ -71,7 +72,8 @@ def run_demo(folder: Path, out: Path, progress: Progress) -> dict[str, Any]:
 
 def _predict(dataset: Dataset, scene: Scene) -> None:
     """Predict the maps of a scene with the shipped weights."""
-    execute(InferenceRun(dataset_inputs(dataset, [scene]), load_predictor(None), dataset.root / "bev" / PREDICTED))
+    inputs, maps = dataset_inputs(dataset, [scene]), dataset.root / "bev" / PREDICTED
+    execute(InferenceRun(inputs, load_predictor(None), maps, tracking=TrackedObjects()))
 
 
 def _track(dataset: Dataset, scene: Scene, folder: Path, progress: Progress) -> tuple[SceneTracks, dict[str, Any]]:

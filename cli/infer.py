@@ -85,10 +85,11 @@ def infer(
     from appocc.inference.loading import load_predictor
     from appocc.inference.run import InferenceRun
     from cli.infer_scenes import SceneInference, execute_by_scene
+    from tracking.pipeline.tracked_objects import TrackedObjects
 
     predictor = load_predictor(weights, device_of(device))
     inputs = inputs_of(source, rig, scene, version, level)
-    run = InferenceRun(inputs, predictor, out, detections, pictures)
+    run = InferenceRun(inputs, predictor, out, detections, pictures, tracking=TrackedObjects())
     start = time.monotonic()
     if cluster == LOCAL and workers == 1:
         summary = execute(run)

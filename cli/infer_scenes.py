@@ -45,10 +45,12 @@ class SceneInference:
         """
         from appocc.inference.run import InferenceRun
         from cli.infer import inputs_of, write_maps
+        from tracking.pipeline.tracked_objects import TrackedObjects
 
         inputs = inputs_of(self.root, None, scene, self.version, self.level)
         predictor = _predictor(self.weights, self.device)
-        run = InferenceRun(inputs, predictor, self.out, None, self.pictures, is_part=True)
+        tracking = TrackedObjects()
+        run = InferenceRun(inputs, predictor, self.out, None, self.pictures, is_part=True, tracking=tracking)
         write_maps(run, lambda steps: None)
         return len(inputs), run.summary
 

@@ -81,7 +81,8 @@ def estimate_paint(pictures: Sequence[BodyworkSamples]) -> ByteArray:
     low, high = np.quantile(lab[even, 0], [_DARKEST, _BRIGHTEST])
     even = even[(lab[even, 0] >= low) & (lab[even, 0] <= high)]
     place = lab[even] * _SCALE / _ALIKE
-    squared = ((place[:, None] - place) ** 2).sum(axis=2)
+    norm = (place**2).sum(axis=1)
+    squared = norm[:, None] + norm - 2 * place @ place.T
     densest = np.exp(-0.5 * squared).sum(axis=1).argmax()
     return np.asarray(np.round(np.median(rgb[even[squared[densest] < 4.0]], axis=0)), dtype=np.uint8)
 
@@ -92,8 +93,13 @@ def _of_one_hue(lab: FloatArray) -> BoolArray:
     Glass, tyres, shadows and chrome are grey and lamps are small: a frequent hue is the hue of the paint.
     """
     red, yellow = lab[:, 1], np.where(lab[:, 2] < 0, _SKY_TINT * lab[:, 2], lab[:, 2])
-    strong = np.hypot(red, yellow) > _CHROMA
-    hue = np.arctan2(yellow, red)
-    alike = strong & strong[:, None] & (np.cos(hue[:, None] - hue) > _NEAR_COS)
-    count = alike.sum(axis=1)
-    return alike[count.argmax()] if count.max() > _SHARE * len(lab) else np.ones(len(lab), dtype=np.bool_)
+    chroma = np.hypot(red, yellow)
+    strong, kept = np.flatnonzero(chroma > _CHROMA), np.ones(len(lab), dtype=np.bool_)
+    if len(strong) > _SHARE * len(lab):
+        hue = np.stack([red, yellow], axis=1)[strong] / chroma[strong, None]
+        alike = hue @ hue.T > _NEAR_COS
+        count = alike.sum(axis=1)
+        if count.max() > _SHARE * len(lab):
+            kept[:] = False
+            kept[strong[alike[count.argmax()]]] = True
+    return kept

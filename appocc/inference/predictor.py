@@ -24,9 +24,12 @@ from appocc.models.input_images import fit_image, select_channels
 from appocc.models.memory import MEMORY_AGE_S, MIN_MEMORY_AGE_S, Past, ground_motion, is_linked
 from appocc.models.model_spec import ModelSpec
 from appocc.models.object_decoding import decode_objects, fuse_vehicles, paint_objects, rescore_objects
+from appocc.objects import BEVObjects
 
 # Version of what a map depends on besides its inputs and weights: change it with the values of maps.
-MAP_RULES = 5
+MAP_RULES = 6
+# Lower predicted speeds of vehicles, most of which are parked, and of people are within the error: unknown.
+_LEAST_SPEED_MPS, _LEAST_WALKING_MPS = 2.0, 1.0
 
 
 @dataclass(frozen=True)
@@ -130,7 +133,7 @@ class Predictor:
         objects = None
         if output.objects is not None:
             objects = decode_objects(output.objects, spec.grid, seen, moving=past is not None)
-            objects = rescore_objects(objects, spec.grid, occupancy)
+            objects = rescore_objects(_without_low_speeds(objects), spec.grid, occupancy)
             if colour is not None:
                 objects = paint_objects(objects, spec.grid, occupancy, rgb, seen)
                 objects = paint_from_images(objects, stacked.numpy(), rig)
@@ -174,6 +177,13 @@ class Predictor:
             "token": frame.token,
             "timestamp_us": frame.timestamp_us,
         }
+
+
+def _without_low_speeds(objects: BEVObjects) -> BEVObjects:
+    """Return the objects, with unknown velocities where the predicted ones are low."""
+    least = np.where(objects.are_vehicles, _LEAST_SPEED_MPS, _LEAST_WALKING_MPS)
+    slow = np.hypot(*objects.velocity_mps.T) < least
+    return replace(objects, velocity_mps=np.where(slow[:, None], np.nan, objects.velocity_mps))
 
 
 def _levelled(rig: CameraRig, ego_from_level: FloatArray | None) -> CameraRig:

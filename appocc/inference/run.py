@@ -7,14 +7,15 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from appocc.bevmap import BEVMap, picture_path
+from appocc.checks import FloatArray
 from appocc.errors import DataError
 from appocc.files import path_of
 from appocc.frame import Frame
 from appocc.inference.inputs import InferenceInput
-from appocc.inference.predictor import MAP_RULES, Predictor
+from appocc.inference.predictor import MAP_RULES, Prediction, Predictor
 from appocc.nuscenes.detection_results import ResultBox, result_boxes, write_results
 from appocc.provenance import Record, add_record, digest
 from appocc.typing import PathLike
@@ -53,6 +54,16 @@ class InferenceSummary(NamedTuple):
     stale: dict[str, int]
 
 
+class MapTracking(Protocol):
+    """Completes the maps of a drive with what the maps before tell of their objects, such as velocities."""
+
+    def reset(self) -> None:
+        """Forget all maps: the next one is the first of a drive."""
+
+    def __call__(self, bev: BEVMap, timestamp_us: int, world_from_ego: FloatArray) -> BEVMap:
+        """Return the completed map of a time with ego pose (4, 4)."""
+
+
 class InferenceRun:
     """Predict maps and write them to `out/TOKEN.npz`; maps of the same inputs are kept.
 
@@ -69,6 +80,7 @@ class InferenceRun:
         detections: PathLike | None = None,
         pictures: bool = True,
         is_part: bool = False,
+        tracking: MapTracking | None = None,
     ) -> None:
         """Prepare a run.
 
@@ -79,12 +91,15 @@ class InferenceRun:
             detections: file for the objects of all inputs as nuScenes' detection results, written at the end.
             pictures: whether maps have pictures; without, an existing map needs none to be kept.
             is_part: whether other processes write into `out` at the same time; `finish` then tidies up after all.
+            tracking: completes the objects of the maps of a drive; None: each map has those of its own prediction.
 
         Raises:
             DataError: if `out` is a folder of ground truth, or inputs without poses cannot have detections.
         """
         self._inputs, self._predictor, self._out, self._pictures = inputs, predictor, path_of(out), pictures
-        self._is_part = is_part
+        self._is_part, self._tracking = is_part, tracking
+        objects = tracking is not None and predictor.model.parts.objects
+        self._needs_past = predictor.has_memory or objects
         self._detections = None if detections is None else path_of(detections)
         if self._detections is not None and any(each.pose is None for each in inputs):
             raise DataError(f"{detections}: detections need ego poses: expected a dataset, got a folder of images")
@@ -131,17 +146,19 @@ class InferenceRun:
             self._missing[channel] = (count + times, first)
 
     def _predict_drive(self, inputs: Sequence[InferenceInput], record: Record) -> Iterator[InferenceResult | None]:
-        """Predict the frames of a drive; with memory, a map is made of all frames up to its own."""
+        """Predict the frames of a drive; with memory or tracking, a map is made of all frames up to its own."""
         why_stale = partial(_why_stale, predictor=self._predictor)
         self._predictor.reset()
+        if self._tracking is not None:
+            self._tracking.reset()
         earlier = ""
-        unread: list[InferenceInput] = []  # with kept maps, which the memory does not have yet
+        unread: list[InferenceInput] = []  # with kept maps, which memory and tracking do not have yet
         for each in inputs:
             path = self._out / f"{each.token}.npz"
             picture = picture_path(self._out, each.title) if self._pictures else None
             own = {**each.parts(), "appocc's rules": str(MAP_RULES)}
             parts = {**own, "earlier frames": earlier} if earlier else own
-            if self._predictor.has_memory:
+            if self._needs_past:
                 earlier = digest([earlier, sorted(own.items())])
             reason = record.why_remake(path, picture or path, parts, why_stale)
             if reason is None:
@@ -150,17 +167,23 @@ class InferenceRun:
                 yield None
                 continue
             self._stale.update([reason] if reason else [])
-            for before in unread if self._predictor.has_memory else ():
-                self._predictor(before.read().frame)
+            for before in unread if self._needs_past else ():
+                self._predict(before.read().frame)
             unread.clear()
             frame, missing = each.read()
             self._count_missing(missing.items())
-            bev, seen = self._predictor(frame)
+            bev, seen = self._predict(frame)
             self._check_objects(bev)
             yield InferenceResult(frame, bev, picture)
             bev.save(path, {"seen": seen})
             add_record(self._out, each.token, parts)
             self._made += 1
+
+    def _predict(self, frame: Frame) -> Prediction:
+        bev, seen = self._predictor(frame)
+        if self._tracking is not None:
+            bev = self._tracking(bev, frame.timestamp_us, frame.world_from_ego)
+        return Prediction(bev, seen)
 
     def _check_objects(self, bev: BEVMap) -> None:
         if self._detections is not None and bev.objects is None:

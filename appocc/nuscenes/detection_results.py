@@ -28,6 +28,8 @@ _ATTRIBUTES = {
     "pedestrian": ("pedestrian.moving", "pedestrian.standing"),
 }
 _MOVING_MPS = 0.2
+# What most do: the attribute of unknown velocities.
+_PARKED = ("car", "truck")
 
 _Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 _Quaternion = Annotated[list[float], Field(min_length=4, max_length=4)]
@@ -86,6 +88,8 @@ def result_boxes(objects: BEVObjects, world_from_ego: FloatArray) -> list[Result
     centres = apply(world_from_ego, best.centre_m)
     rotations = turn @ rotation_from_quaternion(quaternion_from_yaw(best.yaw_rad).reshape(-1, 4))
     velocities = (np.pad(np.nan_to_num(best.velocity_mps), ((0, 0), (0, 1))) @ turn.T)[:, :2]
+    unknown = np.isnan(best.velocity_mps).any(axis=1)
+    moving = np.where(unknown, ~np.isin(best.kind, _PARKED), np.hypot(*velocities.T) > _MOVING_MPS)
     return [
         ResultBox(
             translation=centre.tolist(),
@@ -94,11 +98,11 @@ def result_boxes(objects: BEVObjects, world_from_ego: FloatArray) -> list[Result
             velocity=velocity.tolist(),
             detection_name=kind,
             detection_score=float(score),
-            attribute_name=_ATTRIBUTES[kind][0 if np.hypot(*velocity) > _MOVING_MPS else 1],
+            attribute_name=_ATTRIBUTES[kind][0 if moves else 1],
             paint_rgb=None if np.isnan(rgb).any() else rgb.tolist(),
         )
-        for centre, size, rotation, velocity, kind, score, rgb in zip(
-            centres, best.size_wlh_m, rotations, velocities, best.kind, best.score, best.rgb, strict=True
+        for centre, size, rotation, velocity, moves, kind, score, rgb in zip(
+            centres, best.size_wlh_m, rotations, velocities, moving, best.kind, best.score, best.rgb, strict=True
         )
     ]
 

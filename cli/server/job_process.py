@@ -103,9 +103,11 @@ def _predict(root: Path, settings: dict[str, Any], report: Report, version: str 
     from appocc.inference.run import InferenceRun
     from appocc.nuscenes import Dataset
     from cli.infer import write_maps
+    from tracking.pipeline.tracked_objects import TrackedObjects
 
     dataset, predictor = Dataset(root, version), load_predictor(settings["weights"])
-    run = InferenceRun(dataset_inputs(dataset, dataset.scenes), predictor, root / "bev" / settings["source"])
+    inputs, maps = dataset_inputs(dataset, dataset.scenes), root / "bev" / settings["source"]
+    run = InferenceRun(inputs, predictor, maps, tracking=TrackedObjects())
     write_maps(run, lambda steps: report("advance", steps))
 
 

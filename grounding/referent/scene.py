@@ -31,8 +31,6 @@ from tracking.tracks import Track
 
 __all__ = ["SceneModel", "SceneObject", "scene_from_boxes", "scene_from_map", "scene_from_tracks"]
 
-# Lowest speed of a predicted object that counts as known.
-_LEAST_SPEED_MPS = 2.0
 # Range of objects where there is no map.
 _MAX_RANGE_M = 100.0
 # White light of unit gain, with default specular reflection and spread.
@@ -269,10 +267,9 @@ def _from_instances(instances: Instances) -> list[SceneObject]:
 def _from_objects(objects: BEVObjects) -> list[SceneObject]:
     """Convert the objects of a map; people and bicycles have no paint.
 
-    The class car includes vans (nuScenes), so that its size decides. Low speeds are within the error of predictions:
-    they are unknown.
+    The class car includes vans (nuScenes), so that its size decides.
     """
-    moving = np.hypot(*objects.velocity_mps.T) >= _LEAST_SPEED_MPS  # False if unknown
+    known_velocity = np.asarray(np.isfinite(objects.velocity_mps).all(axis=1))
     return [
         SceneObject(
             id=f"object {i}",
@@ -283,7 +280,7 @@ def _from_objects(objects: BEVObjects) -> list[SceneObject]:
             length_m=float(objects.size_wlh_m[i, 1]),
             width_m=float(objects.size_wlh_m[i, 0]),
             height_m=float(objects.size_wlh_m[i, 2]),
-            velocity_mps=objects.velocity_mps[i] if moving[i] else None,
+            velocity_mps=objects.velocity_mps[i] if known_velocity[i] else None,
             rgb=objects.rgb[i] if vehicle and np.isfinite(objects.rgb[i]).all() else None,
         )
         for i, vehicle in enumerate(objects.are_vehicles.tolist())

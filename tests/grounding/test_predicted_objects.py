@@ -41,6 +41,7 @@ def ask(text: str, *parts: BEVObjects) -> Answer:
     return grounder.ground(text)
 
 
+UNKNOWN = (np.nan, np.nan)
 CARS = (
     made_object("car", 12.0, -5.0, rgb=paint(RED)),
     made_object("car", 26.0, -5.0, rgb=paint(BLUE)),
@@ -78,8 +79,17 @@ def test_cars_vans_and_pickups_are_told_apart_by_their_predicted_size(noun: str,
     assert answer.referent.item.centre_m[0] == x_m, answer.reasons
 
 
+@pytest.mark.parametrize(
+    ("velocity_mps", "state"),
+    [((0.0, 0.0), "standing"), ((5.0, 0.0), "moving at 5 m/s"), (UNKNOWN, "speed not known")],
+)
+def test_velocities_of_the_map_are_told(velocity_mps: tuple[float, float], state: str) -> None:
+    answer = ask("stop before the bus", made_object("bus", 24.0, 0.0, rgb=paint(WHITE), velocity_mps=velocity_mps))
+    assert any("'bus' is" in reason and state in reason for reason in answer.reasons), answer.reasons
+
+
 def test_a_goal_before_a_person() -> None:
-    answer = ask("stop before the pedestrian", *CARS, made_object("pedestrian", 15.0, 0.0))
+    answer = ask("stop before the pedestrian", *CARS, made_object("pedestrian", 15.0, 0.0, velocity_mps=UNKNOWN))
     assert answer.status == "ok", answer.reasons
     assert answer.target is not None
     assert answer.referent is not None

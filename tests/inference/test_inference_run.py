@@ -14,6 +14,7 @@ from made_objects import made_object, together
 from tiny_dataset import TinyDataset, token
 
 from appocc.bevmap import LANE, VEHICLE, BEVMap, load_map
+from appocc.checks import FloatArray
 from appocc.errors import DataError
 from appocc.files import read_image, write_image, zip_arrays
 from appocc.frame import Frame
@@ -178,6 +179,47 @@ def test_objects_of_made_and_kept_maps_are_written_as_detections(tiny: TinyDatas
     np.testing.assert_allclose(boxes[1][0].translation, [100, 212.5, 0.8], atol=1e-9)
     np.testing.assert_allclose(np.array(boxes[1][0].velocity, np.float64), [0, 2], atol=1e-9)
     assert [box.attribute_name for box in boxes[0]] == ["vehicle.moving", "vehicle.stopped"]
+
+
+class CountingTracking:
+    """Writes the number of maps of the drive so far as the velocity of every object."""
+
+    def __init__(self) -> None:
+        self.number = 0
+
+    def reset(self) -> None:
+        self.number = 0
+
+    def __call__(self, bev: BEVMap, timestamp_us: int, world_from_ego: FloatArray) -> BEVMap:
+        self.number += 1
+        assert bev.objects is not None
+        return replace(bev, objects=replace(bev.objects, velocity_mps=np.full((2, 2), float(self.number))))
+
+
+def test_tracking_completes_the_objects_of_each_drive_also_after_an_interruption(
+    tiny: TinyDataset, tmp_path: Path
+) -> None:
+    made = predictor()
+    seeing = ObjectPredictor(made.model, made.weights, torch.device("cpu"))
+    seeing.model.parts = replace(seeing.model.parts, objects=True)
+
+    def speeds() -> list[float]:
+        run = InferenceRun(inputs_of(tiny), seeing, tmp_path, pictures=False, tracking=CountingTracking())
+        list(run)
+        made_and_kept.append(run.summary[:2])
+        objects = [BEVMap.load(tmp_path / f"{name}.npz").objects for name in ALL]
+        return [float(each.velocity_mps[0, 0]) for each in objects if each is not None]
+
+    made_and_kept: list[tuple[int, int]] = []
+    first = speeds()
+    (tmp_path / f"{ALL[1]}.npz").unlink()
+    assert speeds() == first == [1, 2, 3]
+    assert made_and_kept == [(3, 0), (1, 2)]
+    # A map depends on the pictures of the frames before.
+    dataset = Dataset(tiny.root)
+    dataset.path(dataset.data(dataset.sample(ALL[0]))["CAM_BACK"]).unlink()
+    assert speeds() == first
+    assert made_and_kept[-1] == (3, 0)
 
 
 def test_detections_need_objects_and_poses(tiny: TinyDataset, tmp_path: Path) -> None:

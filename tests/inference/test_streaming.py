@@ -20,7 +20,7 @@ from appocc.geometry import apply
 from appocc.grid import BEVGrid
 from appocc.inference.predictor import Predictor, Weights
 from appocc.levelling import ground_pose
-from appocc.models.base import ModelOutput
+from appocc.models.base import VELOCITY_UNIT_MPS, ModelOutput
 from appocc.models.memory import Past
 from appocc.models.model_spec import ModelSpec, Parts
 from appocc.models.network import AppoccNet
@@ -139,8 +139,8 @@ def test_a_network_without_memory_has_no_past(drive: list[Frame]) -> None:
 # A network --------------------------------------------------------------------------------------------------------
 
 
-def network(parts: Parts) -> Predictor:
-    """A network with random weights that uses its memory and sees objects everywhere."""
+def network(parts: Parts, speed_mps: float = 10.0) -> Predictor:
+    """A network with random weights that uses its memory and sees objects everywhere, of about a speed along x."""
     torch.manual_seed(4)
     model = AppoccNet(SPEC, parts=parts)
     with torch.no_grad():
@@ -149,6 +149,8 @@ def network(parts: Parts) -> Predictor:
             model.get_parameter("trunk.recall.fused.weight").normal_(std=0.1)
         if parts.objects:
             model.get_parameter("objects.centre.bias").zero_()
+            model.get_parameter("objects.box.weight")[8:].zero_()
+            model.get_parameter("objects.box.bias")[8:] = torch.tensor([speed_mps / VELOCITY_UNIT_MPS, 0.0])
     return Predictor(
         model, Weights("made", "d1", dict.fromkeys(("road", "vehicle", "lane"), 0.5)), torch.device("cpu")
     )
@@ -203,6 +205,18 @@ def test_objects_come_with_the_map_and_move_once_there_is_a_past(drive: list[Fra
     assert np.isfinite(second.objects.velocity_mps).all()
     still = maps(network(Parts(objects=True)), drive)
     assert all(each.objects is not None and np.isnan(each.objects.velocity_mps).all() for each in still)
+
+
+def test_low_speeds_are_unknown_and_those_of_people_lower_ones(drive: list[Frame]) -> None:
+    def known(speed_mps: float) -> list[tuple[bool, bool]]:
+        objects = maps(network(Parts(memory=True, objects=True), speed_mps), drive)[1].objects
+        assert objects is not None
+        assert {True, False} == set(objects.are_vehicles.tolist())
+        return sorted(set(zip(objects.are_vehicles.tolist(), np.isfinite(objects.velocity_mps[:, 0]), strict=True)))
+
+    assert known(4.0) == [(False, True), (True, True)]
+    assert known(1.5) == [(False, True), (True, False)]
+    assert known(0.3) == [(False, False), (True, False)]
 
 
 @pytest.mark.parametrize("parts", [Parts(), Parts(depth=True), Parts(memory=True)])
