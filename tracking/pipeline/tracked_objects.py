@@ -22,12 +22,12 @@ _NEAR_M, _FORGET_S = 8.0, 1.4
 
 @dataclass
 class _History:
-    """What the detections of a track add up to: their number, and their paints (3,) with weights."""
+    """What the detections of a track up to a time add up to: their number, and their paints (3,) with weights."""
 
+    time_us: int
     detections: int = 0
     paint: FloatArray = field(default_factory=lambda: np.zeros(3))
     weight: float = 0.0
-    time_us: int = 0
 
     def add(self, rgb: FloatArray, distance_m: float, time_us: int) -> None:
         """Add a detection; its paint (3,) may be unknown (NaN)."""
@@ -75,7 +75,8 @@ class TrackedObjects:
         matched = {int(number[track.detection]): track for track in tracks if track.detection is not None}
         for i, track in matched.items():
             distance_m = float(np.hypot(*bev.objects.centre_m[i, :2]))
-            self._histories.setdefault(track.id, _History()).add(bev.objects.rgb[i], distance_m, timestamp_us)
+            history = self._histories.setdefault(track.id, _History(timestamp_us))
+            history.add(bev.objects.rgb[i], distance_m, timestamp_us)
         oldest_us = timestamp_us - 1e6 * self._config.lifecycle.forget_stationary_s
         self._histories = {track: own for track, own in self._histories.items() if own.time_us >= oldest_us}
         return replace(bev, objects=self._completed(bev.objects, matched, world_from_ego))
