@@ -219,9 +219,10 @@ def test_the_guides_lines_follow_a_drive_and_find_its_objects(
     for frame in frames:
         for name, image in frame.images.items():
             write_image(Path(frame.token) / f"{name}.png", image)
-    # The file has the probabilities of the peaks, without the cells in the boxes.
+    # The file has the probabilities of the peaks, without the cells in the boxes, and all velocities.
     monkeypatch.setattr("appocc.inference.predictor.rescore_objects", lambda objects, *_: objects)
     monkeypatch.setattr("appocc.inference.predictor.fuse_vehicles", lambda objects, grid, occupancy: occupancy)
+    monkeypatch.setattr("appocc.inference.predictor._without_low_speeds", lambda objects: objects)
     predictor = load_predictor(with_parts.folder / "w.safetensors", torch.device("cpu"))
     limit = parity_limit(predictor.model, 3)
     for count in (1, 3):  # without and with a past
