@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_map import pose
 from made_objects import made_object, together
 
 from appocc.bevmap import BEVMap
@@ -25,11 +26,6 @@ def map_of(objects: BEVObjects | None) -> BEVMap:
     shape = (3, *GRID.shape)
     known = np.ones(shape, np.bool_)
     return BEVMap(GRID, np.zeros(shape, np.float32), known, np.zeros(shape, np.uint8), known[0].copy(), META, objects)
-
-
-def pose(x_m: float, y_m: float, yaw_rad: float) -> FloatArray:
-    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-    return np.array([[cos, -sin, 0, x_m], [sin, cos, 0, y_m], [0, 0, 1, 0], [0, 0, 0, 1]])
 
 
 def completed(tracked: TrackedObjects, objects: BEVObjects, step: int, ego: FloatArray | None = None) -> BEVObjects:

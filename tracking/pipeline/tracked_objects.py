@@ -11,7 +11,7 @@ from appocc.checks import FloatArray
 from appocc.objects import BEVObjects
 from tracking.detections import Detections
 from tracking.presets import OBJECTS
-from tracking.tracker import Tracker, TrackerConfig
+from tracking.tracker import Tracker
 from tracking.tracks import Track
 
 # A track knows its velocity from this detection on: the second one of a far vehicle is often that of its neighbour.
@@ -46,14 +46,13 @@ class TrackedObjects:
     weigh most. Places, headings, sizes and scores stay those of the map. Call `reset` before another drive.
     """
 
-    def __init__(self, config: TrackerConfig = OBJECTS) -> None:
+    def __init__(self) -> None:
         """Start without tracks."""
-        self._config = config
         self.reset()
 
     def reset(self) -> None:
         """Forget all maps: the next one is the first of a drive."""
-        self._tracker = Tracker(self._config)
+        self._tracker = Tracker(OBJECTS)
         self._histories: dict[int, _History] = {}
         self._time_us: int | None = None
 
@@ -77,7 +76,7 @@ class TrackedObjects:
             distance_m = float(np.hypot(*bev.objects.centre_m[i, :2]))
             history = self._histories.setdefault(track.id, _History(timestamp_us))
             history.add(bev.objects.rgb[i], distance_m, timestamp_us)
-        oldest_us = timestamp_us - 1e6 * self._config.lifecycle.forget_stationary_s
+        oldest_us = timestamp_us - 1e6 * OBJECTS.lifecycle.forget_stationary_s
         self._histories = {track: own for track, own in self._histories.items() if own.time_us >= oldest_us}
         return replace(bev, objects=self._completed(bev.objects, matched, world_from_ego))
 
