@@ -9,7 +9,8 @@ import torch
 from appocc.bevmap import CLASSES
 from appocc.errors import DataError
 from appocc.files import digest_of
-from appocc.inference.predictor import Predictor, Weights
+from appocc.inference.predictor import Predictor, Refine, Weights
+from appocc.inference.second_stage.refiner import SecondStage
 from appocc.models.batch_norm_folding import fold_batch_norms
 from appocc.models.shipped import PACKAGED, find_weights
 from appocc.models.weights import load_model, read_thresholds
@@ -27,10 +28,13 @@ def weights_file(weights: PathLike | None) -> Path:
     return PACKAGED if weights is None else find_weights(weights)
 
 
-def load_predictor(weights: PathLike | None = None, device: torch.device | None = None) -> Predictor:
+def load_predictor(
+    weights: PathLike | None = None, device: torch.device | None = None, second_stage: Refine | None = None
+) -> Predictor:
     """Load a predictor from a weights file or the name of shipped weights; None: the default of the package.
 
-    It runs on the given device, by default on the first GPU or else on the CPU.
+    It runs on the given device, by default on the first GPU or else on the CPU. The default second stage is the
+    shipped one, for networks that predict objects.
 
     Raises:
         DataError: if the package has no weights, or the file is missing or damaged.
@@ -42,4 +46,6 @@ def load_predictor(weights: PathLike | None = None, device: torch.device | None 
     thresholds = dict(zip(CLASSES, read_thresholds(card), strict=True))
     name, least_score = f"{card['network']} ({path.name})", float(card.get("object_threshold", 0.5))
     identity = Weights(name, digest, thresholds, least_score)
-    return Predictor(fold_batch_norms(model), identity, chosen)
+    if second_stage is None and model.parts.objects:
+        second_stage = SecondStage.shipped(chosen)
+    return Predictor(fold_batch_norms(model), identity, chosen, second_stage)

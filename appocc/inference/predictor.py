@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -13,12 +13,11 @@ from torch import Tensor
 
 from appocc.bevmap import CLASSES, BEVMap
 from appocc.camera import Camera, CameraRig
-from appocc.checks import BoolArray, FloatArray
+from appocc.checks import BoolArray, ByteArray, FloatArray
 from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.geometry import apply, inverse
 from appocc.inference.exposure import brightening_exponent
-from appocc.inference.vehicle_paint import paint_from_images
 from appocc.models.base import BEVModel, ViewTransformPlan
 from appocc.models.input_images import fit_image, select_channels
 from appocc.models.memory import MEMORY_AGE_S, MIN_MEMORY_AGE_S, Past, ground_motion, is_linked
@@ -26,8 +25,11 @@ from appocc.models.model_spec import ModelSpec
 from appocc.models.object_decoding import decode_objects, fuse_vehicles, paint_objects, rescore_objects
 from appocc.objects import BEVObjects
 
+# Corrects the objects of a map (before the second stage) by the network's images (V, 3, H, W) and their cameras.
+Refine = Callable[[BEVObjects, ByteArray, Iterable[Camera]], BEVObjects]
+
 # Version of what a map depends on besides its inputs and weights: change it with the values of maps.
-MAP_RULES = 6
+MAP_RULES = 7
 # Lower predicted speeds of vehicles, most of which are parked, and of people are within the error: unknown.
 _LEAST_SPEED_MPS, _LEAST_WALKING_MPS = 2.0, 1.0
 
@@ -88,11 +90,14 @@ class Predictor:
     differs from it by a tilt of a few degrees at most, and the cells of the map in that of the ground.
     """
 
-    def __init__(self, model: BEVModel, weights: Weights, device: torch.device) -> None:
-        """Move a network to the device and set evaluation mode."""
+    def __init__(
+        self, model: BEVModel, weights: Weights, device: torch.device, second_stage: Refine | None = None
+    ) -> None:
+        """Move a network to the device and set evaluation mode; without a second stage objects stay uncorrected."""
         self.model = model.to(device).eval()
         self.weights = weights
         self._device = device
+        self._second_stage = second_stage
         self._cached_plan: tuple[CameraRig, ViewTransformPlan] | None = None
         self._memories: deque[_Memory] = deque()
 
@@ -136,7 +141,8 @@ class Predictor:
             objects = rescore_objects(_without_low_speeds(objects), spec.grid, occupancy)
             if colour is not None:
                 objects = paint_objects(objects, spec.grid, occupancy, rgb, seen)
-                objects = paint_from_images(objects, stacked.numpy(), rig)
+            if self._second_stage is not None:
+                objects = self._second_stage(objects, stacked.numpy(), rig)
             occupancy = fuse_vehicles(objects, spec.grid, occupancy)
             if frame.ego_from_level is not None:
                 objects = replace(objects, centre_m=apply(frame.ego_from_level, objects.centre_m))

@@ -219,11 +219,12 @@ def test_the_guides_lines_follow_a_drive_and_find_its_objects(
     for frame in frames:
         for name, image in frame.images.items():
             write_image(Path(frame.token) / f"{name}.png", image)
-    # The file has the probabilities of the peaks, without the cells in the boxes, and all velocities.
+    # The file has the peaks' probabilities and all velocities, without the cells in the boxes and the second stage.
     monkeypatch.setattr("appocc.inference.predictor.rescore_objects", lambda objects, *_: objects)
     monkeypatch.setattr("appocc.inference.predictor.fuse_vehicles", lambda objects, grid, occupancy: occupancy)
     monkeypatch.setattr("appocc.inference.predictor._without_low_speeds", lambda objects: objects)
-    predictor = load_predictor(with_parts.folder / "w.safetensors", torch.device("cpu"))
+    weights, cpu = with_parts.folder / "w.safetensors", torch.device("cpu")
+    predictor = load_predictor(weights, cpu, second_stage=lambda objects, *_: objects)
     limit = parity_limit(predictor.model, 3)
     for count in (1, 3):  # without and with a past
         predictor.reset()
