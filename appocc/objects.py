@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from appocc.boxes import is_vehicle
+from appocc.boxes import Boxes, is_vehicle
 from appocc.checks import (
     BoolArray,
     FloatArray,
@@ -20,7 +20,7 @@ from appocc.checks import (
     frozen,
 )
 from appocc.errors import ShapeError
-from appocc.geometry import footprints
+from appocc.geometry import footprints, quaternion_from_yaw, rotation_from_quaternion
 from appocc.grid import BEVGrid
 from appocc.rasterise import VEHICLE_SHARE, polygon_owner
 
@@ -118,6 +118,21 @@ class BEVObjects:
     def painted(self, rgb: FloatArray) -> BEVObjects:
         """Return the objects with paint (N, 3)."""
         return replace(self, rgb=rgb)
+
+    @property
+    def boxes(self) -> Boxes:
+        """The objects as boxes, named by their numbers."""
+        names = tuple(map(str, range(len(self))))
+        return Boxes(
+            centre_m=self.centre_m,
+            size_wlh_m=self.size_wlh_m,
+            rotation=rotation_from_quaternion(quaternion_from_yaw(self.yaw_rad)),
+            category=self.kind,
+            instance=names,
+            token=names,
+            velocity_mps=self.velocity_mps,
+            lidar_points=np.full(len(self), -1),
+        )
 
     @property
     def are_vehicles(self) -> BoolArray:

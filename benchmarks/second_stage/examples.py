@@ -24,7 +24,7 @@ from appocc.inference.inputs import dataset_inputs
 from appocc.inference.loading import load_predictor
 from appocc.inference.second_stage.image_crops import ImageCrops, crop_images
 from appocc.inference.second_stage.network import CropInputs
-from appocc.inference.second_stage.refiner import LEAST_SCORE, boxes_of, crop_inputs, facing_away
+from appocc.inference.second_stage.refiner import LEAST_SCORE, crop_inputs, facing_away
 from appocc.nuscenes.dataset import Dataset
 from appocc.objects import KINDS, PEOPLE, BEVObjects
 from appocc.training.batches.camera_style import CameraStyle, apply_style, apply_tone, draw_style
@@ -191,7 +191,7 @@ def _with_errors(objects: BEVObjects, rng: Generator) -> BEVObjects:
 
 def _cropped(objects: BEVObjects, images: ByteArray, cameras: Sequence[Camera], truth: Float32Array) -> Examples:
     objects, away = facing_away(objects)
-    crops = crop_images(boxes_of(objects), images, cameras)
+    crops = crop_images(objects.boxes, images, cameras)
     boxes = objects.select(crops.owner)
     return Examples(
         rgb=crops.rgb,

@@ -19,7 +19,8 @@ from appocc.colours import lab_from_rgb
 from appocc.geometry import wrap_angle
 from appocc.inference.second_stage.image_crops import CROP_HIGH, CROP_WIDE, ImageCrops, crop_images
 from appocc.inference.second_stage.network import Corrections, CropInputs, CropNetwork
-from appocc.inference.second_stage.refiner import SecondStage, boxes_of, facing_away
+from appocc.inference.second_stage.refiner import SecondStage, facing_away
+from appocc.inference.second_stage.vehicle_paint import paint_from_images
 from appocc.nuscenes import Dataset
 from appocc.objects import KINDS, BEVObjects
 from appocc.training.batches.packed_objects import KIND, RGB, WLH, XY, Z, pack_objects
@@ -41,7 +42,7 @@ def pictures(solids: list[Solid], channels: tuple[str, ...] = tuple(YAW)) -> Byt
 
 
 def cropped(objects: BEVObjects, solids: list[Solid], channels: tuple[str, ...] = tuple(YAW)) -> ImageCrops:
-    return crop_images(boxes_of(objects), pictures(solids, channels), [camera(channel) for channel in channels])
+    return crop_images(objects.boxes, pictures(solids, channels), [camera(channel) for channel in channels])
 
 
 def test_a_crop_shows_the_vehicle_and_where_on_its_box() -> None:
@@ -119,9 +120,11 @@ class _Says(CropNetwork):
         return Corrections(found, near, every(*kinds), lab, every(0.0, float(np.log(1.5)), 0.0))
 
 
+PICTURES, CAMERAS = pictures([]).transpose(0, 3, 1, 2), [camera(channel) for channel in YAW]
+
+
 def refined(network: CropNetwork, objects: BEVObjects) -> BEVObjects:
-    images = pictures([]).transpose(0, 3, 1, 2)
-    return SecondStage(network, CPU)(objects, images, [camera(channel) for channel in YAW])
+    return SecondStage(network, CPU)(objects, PICTURES, CAMERAS)
 
 
 def test_corrections_are_those_of_the_network() -> None:
@@ -131,7 +134,10 @@ def test_corrections_are_those_of_the_network() -> None:
     assert after.score[0] == pytest.approx(0.7, abs=1e-6)
     assert wrap_angle(after.yaw_rad - (0.2 + np.pi))[0] == pytest.approx(0, abs=1e-6)
     assert after.size_wlh_m[0] == pytest.approx([2.0, 6.0, 1.5], rel=1e-6)
-    assert after.rgb[0] == pytest.approx(BLUE, abs=0.5)
+    own = paint_from_images(before, PICTURES, CAMERAS).rgb
+    assert lab_from_rgb(after.rgb)[0] == pytest.approx(
+        (lab_from_rgb(own)[0] + lab_from_rgb(np.array(BLUE))) / 2, abs=0.01
+    )
     np.testing.assert_array_equal(after.centre_m, before.centre_m)
     oncoming = refined(_Says(near_front=-9.0), found(10, 2, yaw_rad=3.1))
     assert wrap_angle(oncoming.yaw_rad - (3.1 + np.pi))[0] == pytest.approx(0, abs=1e-6)

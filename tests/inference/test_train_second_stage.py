@@ -70,9 +70,9 @@ def test_a_tone_changes_image_and_paint_alike(examples: Examples, monkeypatch: p
         monkeypatch.setattr(f"benchmarks.second_stage.augment.{share}", 0.0)
     monkeypatch.setattr("benchmarks.second_stage.augment._TONED", 1.0)
     toned = augmented(examples, np.random.default_rng(0))
-    known = np.isfinite(examples.truth[:, RGB]).all(axis=1)
-    before, after = (one.inputs().body_lab[known, 0].numpy() for one in (examples, toned))
-    paint_before, paint_after = (truth_of(one).lab[known, 0].numpy() for one in (examples, toned))
+    known = np.flatnonzero(np.isfinite(examples.truth[:, RGB]).all(axis=1))
+    before, after = (one.inputs().body_lab.numpy()[known, 0] for one in (examples, toned))
+    paint_before, paint_after = (truth_of(one).lab.numpy()[known, 0] for one in (examples, toned))
     assert np.corrcoef(after - before, paint_after - paint_before)[0, 1] > 0.6
     np.testing.assert_array_equal(toned.truth[:, YAW], examples.truth[:, YAW])
 
