@@ -10,9 +10,9 @@ from appocc.bevmap import CLASSES
 from appocc.errors import DataError
 from appocc.files import digest_of
 from appocc.inference.predictor import Predictor, Refine, Weights
-from appocc.inference.second_stage.refiner import SecondStage
+from appocc.inference.second_stage.refiner import DEFAULT, SecondStage
 from appocc.models.batch_norm_folding import fold_batch_norms
-from appocc.models.shipped import PACKAGED, find_weights
+from appocc.models.shipped import PACKAGED, find_weights, shipped_weights
 from appocc.models.weights import load_model, read_thresholds
 from appocc.typing import PathLike
 
@@ -34,7 +34,7 @@ def load_predictor(
     """Load a predictor from a weights file or the name of shipped weights; None: the default of the package.
 
     It runs on the given device, by default on the first GPU or else on the CPU. The default second stage is the
-    shipped one, for networks that predict objects.
+    shipped one of these weights or of the default ones, for networks that predict objects.
 
     Raises:
         DataError: if the package has no weights, or the file is missing or damaged.
@@ -47,5 +47,6 @@ def load_predictor(
     name, least_score = f"{card['network']} ({path.name})", float(card.get("object_threshold", 0.5))
     identity = Weights(name, digest, thresholds, least_score)
     if second_stage is None and model.parts.objects:
-        second_stage = SecondStage.shipped(chosen)
+        shipped = {file: name for name, file in shipped_weights().items()}
+        second_stage = SecondStage.shipped(chosen, shipped.get(path, DEFAULT))
     return Predictor(fold_batch_norms(model), identity, chosen, second_stage)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -105,39 +105,53 @@ class _Recorder:
         return objects
 
 
-def read_examples(root: Path, versions: int, workers: int, seed: int) -> Examples:
-    """Return the examples of a simulated dataset, in the order of its frames.
+@dataclass(frozen=True)
+class Source:
+    """Where examples come from.
 
-    Args:
-        root: dataset with exact maps.
+    Attributes:
+        root: dataset.
         versions: of each vehicle; the first is as predicted, the others have another camera's style and errors.
-        workers: number of processes.
         seed: of styles and errors.
+        weights: shipped weights that predict the vehicles.
+        against: source of the true maps.
+        most: number of key frames of each scene, the first ones; None: all.
     """
-    scenes = [scene.name for scene in Dataset(root).scenes]
+
+    root: Path
+    versions: int
+    seed: int
+    weights: str = "appocc"
+    against: str = "exact"
+    most: int | None = None
+
+
+def read_examples(source: Source, workers: int) -> Examples:
+    """Return the examples of a source, in the order of its frames, read by a number of processes."""
+    scenes = [scene.name for scene in Dataset(source.root).scenes]
     jobs = [scenes[i : i + _SCENES_AT_ONCE] for i in range(0, len(scenes), _SCENES_AT_ONCE)]
     with ProcessPoolExecutor(workers, initializer=torch.set_num_threads, initargs=(1,)) as pool:
-        return Examples.concatenated(list(pool.map(partial(_of_scenes, root, versions, seed), jobs)))
+        return Examples.concatenated(list(pool.map(partial(_of_scenes, source), jobs)))
 
 
-def _of_scenes(root: Path, versions: int, seed: int, names: Sequence[str]) -> Examples:
+def _of_scenes(source: Source, names: Sequence[str]) -> Examples:
     recorder = _Recorder()
-    predictor = load_predictor(second_stage=recorder)
-    dataset = Dataset(root)
+    predictor = load_predictor(source.weights, second_stage=recorder)
+    dataset = Dataset(source.root)
     parts = []
     for scene in dataset.scenes:
         if scene.name not in names:
             continue
         predictor.reset()
-        rng = np.random.default_rng([seed, crc32(scene.name.encode())])
-        for given in dataset_inputs(dataset, [scene]):
+        rng = np.random.default_rng([source.seed, crc32(scene.name.encode())])
+        for given in dataset_inputs(dataset, [scene])[: source.most]:
             predictor(given.read().frame)
-            truth = _true_vehicles(dataset, root, given.token)
+            truth = _true_vehicles(dataset, source.against, given.token)
             chosen = recorder.objects.are_vehicles & (recorder.objects.score >= LEAST_SCORE)
             objects = recorder.objects.select(chosen)
             matched = truth[_match(objects, truth)]
             parts.append(_cropped(objects, recorder.images, recorder.cameras, matched))
-            for _ in range(versions - 1):
+            for _ in range(source.versions - 1):
                 style = draw_style(rng)
                 painted = objects.painted(_toned(objects.rgb, style))
                 images = apply_style(recorder.images, style, rng)
@@ -147,11 +161,11 @@ def _of_scenes(root: Path, versions: int, seed: int, names: Sequence[str]) -> Ex
     return Examples.concatenated(parts)
 
 
-def _true_vehicles(dataset: Dataset, root: Path, token: str) -> Float32Array:
+def _true_vehicles(dataset: Dataset, against: str, token: str) -> Float32Array:
     """Return the rows of the vehicles of a sample, and a last one of NaN."""
     sample = dataset.sample(token)
     boxes = dataset.boxes_world(sample).transformed(inverse(dataset.world_from_ego(sample)))
-    rows, _ = pack_objects(boxes, load_map(root, "exact", token))
+    rows, _ = pack_objects(boxes, load_map(dataset.root, against, token))
     vehicles = [KINDS[int(kind)] not in PEOPLE for kind in rows[:, KIND]]
     return np.vstack([rows[np.array(vehicles, np.bool_)], np.full((1, COLUMNS), np.nan, np.float32)])
 

@@ -25,7 +25,7 @@ BATCH, RATE, WARMUP, WEIGHT_DECAY, EMA, CLIP = 64, 2e-3, 0.02, 1e-2, 0.998, 5.0
 _ACROSS_RAD = 0.4
 # Weights of the losses: found, near front, kind, paint (per unit of CIELAB), size.
 _WEIGHTS = (1.0, 1.0, 0.5, 0.1, 2.0)
-_LAB_SLACK = 1.0
+_LAB_SLACK, _REAL_SHARE = 1.0, 0.35
 
 
 class Truth(NamedTuple):
@@ -61,11 +61,21 @@ def truth_of(examples: Examples) -> Truth:
     return Truth(torch.from_numpy(found), turn, torch.from_numpy(kind), paint, size)
 
 
-def train(examples: Examples, epochs: float, seed: int) -> CropNetwork:
-    """Return a trained network: the moving average of its weights."""
+def train(
+    examples: Examples, epochs: float, seed: int, real: Examples | None = None, start: CropNetwork | None = None
+) -> CropNetwork:
+    """Return a trained network: the moving average of its weights.
+
+    Args:
+        examples: simulated ones, all of which an epoch uses.
+        epochs: length of the training.
+        seed: of initial weights, order and augmentation.
+        real: examples that a third of each batch is drawn from.
+        start: trained network to begin with.
+    """
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
-    network = CropNetwork()
+    network = CropNetwork() if start is None else deepcopy(start).train()
     network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     averaged = deepcopy(network)
     optimizer = torch.optim.AdamW(network.parameters(), lr=RATE, weight_decay=WEIGHT_DECAY)
@@ -73,7 +83,10 @@ def train(examples: Examples, epochs: float, seed: int) -> CropNetwork:
     for step, chosen in zip(range(steps), _batches(len(examples.truth), rng), strict=False):
         for group in optimizer.param_groups:
             group["lr"] = learning_rate(step / steps, RATE, WARMUP)
-        batch = augmented(examples.select(chosen), rng)
+        batch = examples.select(chosen)
+        if real is not None:
+            batch = _mixed(batch, real, rng)
+        batch = augmented(batch, rng)
         inputs = batch.inputs()
         pixels = inputs.pixels.contiguous(memory_format=torch.channels_last)
         loss = loss_of(network(inputs._replace(pixels=pixels)), truth_of(batch))
@@ -84,6 +97,13 @@ def train(examples: Examples, epochs: float, seed: int) -> CropNetwork:
         _average(averaged, network, ema_decay(step + 1, EMA))
     averaged.eval()
     return averaged
+
+
+def _mixed(batch: Examples, real: Examples, rng: np.random.Generator) -> Examples:
+    """Return a batch with a share of real examples."""
+    count = round(_REAL_SHARE * len(batch.score))
+    drawn = real.select(rng.integers(0, len(real.score), count))
+    return Examples.concatenated([batch.select(np.arange(count, len(batch.score))), drawn])
 
 
 @torch.no_grad()

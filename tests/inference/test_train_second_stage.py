@@ -12,14 +12,14 @@ from appocc.geometry import wrap_angle
 from appocc.inference.second_stage.network import CropNetwork
 from appocc.training.batches.packed_objects import KIND, RGB, XY, YAW
 from benchmarks.second_stage.augment import augmented
-from benchmarks.second_stage.examples import Examples, read_examples
+from benchmarks.second_stage.examples import Examples, Source, read_examples
 from benchmarks.second_stage.training import loss_of, train, truth_of
 from benchmarks.train_second_stage import main
 
 
 @pytest.fixture(scope="module")
 def examples(simulated_root: Path) -> Examples:
-    return read_examples(simulated_root, versions=2, workers=1, seed=0)
+    return read_examples(Source(simulated_root, 2, 0), workers=1)
 
 
 def test_examples_are_of_vehicles_and_of_false_ones(examples: Examples) -> None:
@@ -40,7 +40,7 @@ def test_examples_are_of_vehicles_and_of_false_ones(examples: Examples) -> None:
 def test_the_same_seed_gives_the_same_examples_with_any_number_of_workers(
     examples: Examples, simulated_root: Path
 ) -> None:
-    again = read_examples(simulated_root, versions=2, workers=2, seed=0)
+    again = read_examples(Source(simulated_root, 2, 0), workers=2)
     for one, other in zip(examples, again, strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -82,6 +82,10 @@ def test_training_lowers_the_loss_and_repeats(examples: Examples) -> None:
     first, second = train(examples, 6, seed=1), train(examples, 6, seed=1)
     for one, other in zip(first.state_dict().values(), second.state_dict().values(), strict=True):
         torch.testing.assert_close(one, other, rtol=0, atol=0)
+    real = examples.select(np.arange(20))
+    further = train(examples, 0.5, 1, real, first)
+    assert not torch.equal(further.answer.weight, first.answer.weight)
+    assert torch.allclose(further.answer.weight, first.answer.weight, atol=0.1)
     untrained = CropNetwork().eval()
     with torch.inference_mode():
         losses = [float(loss_of(network(examples.inputs()), truth_of(examples))) for network in (untrained, first)]

@@ -22,7 +22,8 @@ from appocc.inference.second_stage.vehicle_paint import paint_from_images
 from appocc.models.batch_norm_folding import fold_batch_norms
 from appocc.objects import KINDS, BEVObjects
 
-WEIGHTS_PATH = Path(__file__).parent / "data" / "second_stage.safetensors"
+# Weights of the second stage, named as the shipped weights that they belong to; the default ones for all others.
+WEIGHTS_FOLDER, DEFAULT = Path(__file__).parent / "data", "appocc"
 # Vehicles below this score are neither looked at nor occlude others.
 LEAST_SCORE = 0.08
 _VEHICLE_KINDS = np.array([is_vehicle(kind) for kind in KINDS], np.bool_)
@@ -42,10 +43,11 @@ class SecondStage:
         self._device = device
 
     @classmethod
-    def shipped(cls, device: torch.device) -> SecondStage:
-        """Return the second stage with the weights of the package."""
+    def shipped(cls, device: torch.device, name: str = DEFAULT) -> SecondStage:
+        """Return the second stage of shipped weights by their name, or the default one."""
+        path = WEIGHTS_FOLDER / f"{name}.safetensors"
         network = CropNetwork()
-        network.load_state_dict(load_file(WEIGHTS_PATH))
+        network.load_state_dict(load_file(path))
         return cls(network, device)
 
     def __call__(self, objects: BEVObjects, images: ByteArray, cameras: Iterable[Camera]) -> BEVObjects:
