@@ -60,8 +60,8 @@ def _tone(examples: Examples, chosen: IntArray, rng: Generator) -> None:
     gain = np.exp(rng.normal(0, _CHANNEL, (count, 3)) + rng.uniform(*_GAIN, (count, 1)))
 
     def toned(colours: FloatArray) -> FloatArray:
-        wide = (count, *[1] * (colours.ndim - 2), -1)
-        return 255 * np.minimum((colours / 255) ** gamma.reshape(wide) * gain.reshape(wide), 1.0)
+        wide = tuple(range(1, colours.ndim - 1))
+        return 255 * np.minimum((colours / 255) ** np.expand_dims(gamma, wide) * np.expand_dims(gain, wide), 1.0)
 
     examples.rgb[chosen] = np.rint(toned(examples.rgb[chosen].astype(np.float64)))
     examples.light[chosen], examples.paint[chosen] = toned(examples.light[chosen]), toned(examples.paint[chosen])

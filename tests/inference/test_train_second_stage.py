@@ -58,11 +58,11 @@ def test_a_mirror_changes_all_that_it_should(examples: Examples, monkeypatch: py
     np.testing.assert_array_equal(mirrored.place[..., 1], -examples.place[:, :, ::-1, 1])
     np.testing.assert_array_equal(mirrored.place[..., 0], examples.place[:, :, ::-1, 0])
     inputs, other = examples.inputs(), mirrored.inputs()
-    np.testing.assert_allclose(other.pixels[:, :3], inputs.pixels[:, :3].flip(-1))
+    np.testing.assert_allclose(other.pixels[:, :3].numpy(), inputs.pixels[:, :3].flip(-1).numpy())
     signs = np.ones(inputs.numbers.shape[1])
     signs[5] = -1  # the sine of the angle to the line of sight
-    np.testing.assert_allclose(other.numbers, inputs.numbers * signs, atol=1e-5)
-    np.testing.assert_allclose(other.body_lab, inputs.body_lab, atol=1e-3)
+    np.testing.assert_allclose(other.numbers.numpy(), inputs.numbers.numpy() * signs, atol=1e-5)
+    np.testing.assert_allclose(other.body_lab.numpy(), inputs.body_lab.numpy(), atol=1e-3)
 
 
 def test_a_tone_changes_image_and_paint_alike(examples: Examples, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,7 +79,8 @@ def test_a_tone_changes_image_and_paint_alike(examples: Examples, monkeypatch: p
 
 def test_training_lowers_the_loss_and_repeats(examples: Examples) -> None:
     torch.manual_seed(0)
-    first, second = train(examples, 6, seed=1), train(examples, 6, seed=1)
+    examples = examples.select(np.arange(192))
+    first, second = train(examples, 10, seed=1), train(examples, 10, seed=1)
     for one, other in zip(first.state_dict().values(), second.state_dict().values(), strict=True):
         torch.testing.assert_close(one, other, rtol=0, atol=0)
     real = examples.select(np.arange(20))
