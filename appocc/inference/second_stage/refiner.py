@@ -27,7 +27,7 @@ WEIGHTS_FOLDER, DEFAULT = Path(__file__).parent / "data", "appocc"
 # Vehicles below this score are neither looked at nor occlude others.
 LEAST_SCORE = 0.08
 _VEHICLE_KINDS = np.array([is_vehicle(kind) for kind in KINDS], np.bool_)
-_USUAL_WLH_M, _USUAL_DISTANCE_M, _USUAL_SIZE_PX, _USUAL_LAB = (1.9, 4.5, 1.6), 15.0, 33.0, (40.0, 0.0, 0.0)
+_USUAL_WLH_M, _USUAL_DISTANCE_M, _USUAL_SIZE_PX = (1.9, 4.5, 1.6), 15.0, 33.0
 # A vehicle is turned round only where it is this likely: real cars look less alike than simulated ones.
 _LEAST_LOG_ODDS = 2.0
 # Bodywork is between tyres and windows, by the place on the box (-1..1); fewer pixels of it are too few.
