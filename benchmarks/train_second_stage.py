@@ -15,11 +15,11 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from safetensors.torch import load_file, save
+from safetensors.torch import save
 
 from appocc.files import write_bytes
 from appocc.inference.second_stage.network import CropNetwork
-from appocc.inference.second_stage.refiner import DEFAULT, WEIGHTS_FOLDER
+from appocc.inference.second_stage.refiner import DEFAULT, WEIGHTS_FOLDER, shipped_network
 from benchmarks.second_stage.examples import Examples, Source, read_examples
 from benchmarks.second_stage.training import train
 
@@ -51,8 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     real = start = None
     if options.real is not None:
         recorded = Source(options.real, REAL_VERSIONS, SEED, "street", "groundtruth", REAL_FRAMES)
-        real, start = read_examples(recorded, options.workers), CropNetwork()
-        start.load_state_dict(load_file(WEIGHTS_FOLDER / f"{DEFAULT}.safetensors"))
+        real, start = read_examples(recorded, options.workers), shipped_network()
     write_network(train(examples, options.epochs, SEED, real, start), options.out)
 
 

@@ -25,7 +25,7 @@ from appocc.models.model_spec import ModelSpec
 from appocc.models.object_decoding import decode_objects, fuse_vehicles, paint_objects, rescore_objects
 from appocc.objects import BEVObjects
 
-# Corrects the objects of a map (before the second stage) by the network's images (V, 3, H, W) and their cameras.
+# A second stage: from the objects of a map, the network's images (V, 3, H, W) and their cameras to corrected objects.
 Refine = Callable[[BEVObjects, ByteArray, Iterable[Camera]], BEVObjects]
 
 # Version of what a map depends on besides its inputs and weights: change it with the values of maps.

@@ -61,7 +61,8 @@ def _tone(examples: Examples, chosen: IntArray, rng: Generator) -> None:
 
     def toned(colours: FloatArray) -> FloatArray:
         wide = tuple(range(1, colours.ndim - 1))
-        return 255 * np.minimum((colours / 255) ** np.expand_dims(gamma, wide) * np.expand_dims(gain, wide), 1.0)
+        changed = (colours / 255) ** np.expand_dims(gamma, wide) * np.expand_dims(gain, wide)
+        return np.asarray(255 * np.minimum(changed, 1.0))
 
     examples.rgb[chosen] = np.rint(toned(examples.rgb[chosen].astype(np.float64)))
     examples.light[chosen], examples.paint[chosen] = toned(examples.light[chosen]), toned(examples.paint[chosen])

@@ -45,10 +45,7 @@ class SecondStage:
     @classmethod
     def shipped(cls, device: torch.device, name: str = DEFAULT) -> SecondStage:
         """Return the second stage of shipped weights by their name, or the default one."""
-        path = WEIGHTS_FOLDER / f"{name}.safetensors"
-        network = CropNetwork()
-        network.load_state_dict(load_file(path))
-        return cls(network, device)
+        return cls(shipped_network(name), device)
 
     def __call__(self, objects: BEVObjects, images: ByteArray, cameras: Iterable[Camera]) -> BEVObjects:
         """Return the objects, the best first, with corrected vehicles; what no image shows stays as it is.
@@ -72,6 +69,13 @@ class SecondStage:
         return _corrected(objects, chosen[crops.owner], boxes, away, outputs)
 
 
+def shipped_network(name: str = DEFAULT) -> CropNetwork:
+    """Return the network of the second stage of shipped weights by their name, or the default one."""
+    network = CropNetwork()
+    network.load_state_dict(load_file(WEIGHTS_FOLDER / f"{name}.safetensors"))
+    return network
+
+
 def facing_away(objects: BEVObjects) -> tuple[BEVObjects, FloatArray]:
     """Return objects with headings that point away from the ego, and (N,) 1 where they did before, -1 elsewhere."""
     bearing_rad = np.arctan2(objects.centre_m[:, 1], objects.centre_m[:, 0])
@@ -80,7 +84,13 @@ def facing_away(objects: BEVObjects) -> tuple[BEVObjects, FloatArray]:
 
 
 def crop_inputs(boxes: BEVObjects, away: FloatArray, crops: ImageCrops) -> CropInputs:
-    """Return the network inputs of boxes that face away, with their crops; `away` (K,) tells what was predicted."""
+    """Return the network inputs of K boxes from `facing_away` and their crops.
+
+    Args:
+        boxes: boxes whose headings point away from the ego.
+        away: (K,) 1 where the predicted heading pointed away, -1 where it was turned.
+        crops: crops of the boxes.
+    """
     rgb = crops.rgb.astype(np.float32) / 127.5 - 1
     pixels = np.concatenate([rgb, crops.place, crops.visible[..., None]], axis=-1, dtype=np.float32)
     numbers = box_numbers(boxes, away, crops).astype(np.float32)
