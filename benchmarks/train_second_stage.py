@@ -15,24 +15,13 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from safetensors.torch import save
-
-from appocc.files import write_bytes
-from appocc.inference.second_stage.network import CropNetwork
 from appocc.inference.second_stage.refiner import DEFAULT, WEIGHTS_FOLDER, shipped_network
 from benchmarks.second_stage.examples import Examples, Source, read_examples
-from benchmarks.second_stage.training import train
+from benchmarks.second_stage.training import train, write_network
 
 SEED, VERSIONS = 0, 2
 # Of a recording: versions of each vehicle, and key frames.
 REAL_VERSIONS, REAL_FRAMES = 6, 24
-
-
-def write_network(network: CropNetwork, path: Path) -> None:
-    """Write the weights of a network as float16."""
-    state = network.state_dict()
-    halves = {name: state[name].half() if state[name].is_floating_point() else state[name] for name in sorted(state)}
-    write_bytes(path, save({name: tensor.contiguous() for name, tensor in halves.items()}))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -13,10 +13,11 @@ from torch import Tensor
 
 from appocc.bevmap import CLASSES, BEVMap
 from appocc.camera import Camera, CameraRig
-from appocc.checks import BoolArray, ByteArray, FloatArray
+from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray
 from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.geometry import apply, inverse
+from appocc.grid import BEVGrid
 from appocc.inference.exposure import brightening_exponent
 from appocc.models.base import BEVModel, ViewTransformPlan
 from appocc.models.input_images import fit_image, select_channels
@@ -27,9 +28,12 @@ from appocc.objects import BEVObjects
 
 # A second stage: from the objects of a map, the network's images (V, 3, H, W) and their cameras to corrected objects.
 Refine = Callable[[BEVObjects, ByteArray, Iterable[Camera]], BEVObjects]
+# A second stage of cells: from probabilities (3, X, Y), the network's images (V, 3, H, W), 0..1, their rig and the
+# grid to corrected probabilities.
+RefineCells = Callable[[Float32Array, Tensor, CameraRig, BEVGrid], Float32Array]
 
 # Version of what a map depends on besides its inputs and weights: change it with the values of maps.
-MAP_RULES = 7
+MAP_RULES = 8
 # Lower predicted speeds of vehicles, most of which are parked, and of people are within the error: unknown.
 _LEAST_SPEED_MPS, _LEAST_WALKING_MPS = 2.0, 1.0
 
@@ -91,13 +95,18 @@ class Predictor:
     """
 
     def __init__(
-        self, model: BEVModel, weights: Weights, device: torch.device, second_stage: Refine | None = None
+        self,
+        model: BEVModel,
+        weights: Weights,
+        device: torch.device,
+        second_stage: Refine | None = None,
+        cell_stage: RefineCells | None = None,
     ) -> None:
-        """Move a network to the device and set evaluation mode; without a second stage objects stay uncorrected."""
+        """Move a network to the device, in evaluation mode; objects and cells without a stage stay uncorrected."""
         self.model = model.to(device).eval()
         self.weights = weights
         self._device = device
-        self._second_stage = second_stage
+        self._second_stage, self._cell_stage = second_stage, cell_stage
         self._cached_plan: tuple[CameraRig, ViewTransformPlan] | None = None
         self._memories: deque[_Memory] = deque()
 
@@ -133,6 +142,8 @@ class Predictor:
         rgb = np.zeros((3, *shape)) if colour is None else colour.clip(0, 1) ** (1 / exponent) * 255
         if not np.isfinite(occupancy).all() or not np.isfinite(rgb).all():
             raise DataError(f"{frame.token}: the model output is not finite; are its weights ({self.weights.name})?")
+        if self._cell_stage is not None:
+            occupancy = self._cell_stage(occupancy, images[0], rig, spec.grid)
         if output.memory is not None:
             self._memories.append(_Memory(output.memory, frame.world_from_ego, frame.timestamp_us))
         objects = None

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from copy import deepcopy
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import torch
-from torch import Tensor
+from safetensors.torch import save
+from torch import Tensor, nn
 from torch.nn import functional
 
 from appocc.checks import IntArray
 from appocc.colours import lab_from_rgb
+from appocc.files import write_bytes
 from appocc.geometry import wrap_angle
 from appocc.inference.second_stage.network import Corrections, CropNetwork
 from appocc.training.batches.packed_objects import KIND, RGB, WLH, YAW
@@ -80,7 +83,7 @@ def train(
     averaged = deepcopy(network)
     optimizer = torch.optim.AdamW(network.parameters(), lr=RATE, weight_decay=WEIGHT_DECAY)
     steps = max(1, round(epochs * len(examples.truth) / BATCH))
-    for step, chosen in zip(range(steps), _batches(len(examples.truth), rng), strict=False):
+    for step, chosen in zip(range(steps), batches(len(examples.truth), BATCH, rng), strict=False):
         for group in optimizer.param_groups:
             group["lr"] = learning_rate(step / steps, RATE, WARMUP)
         batch = examples.select(chosen)
@@ -94,7 +97,7 @@ def train(
         loss.backward()  # type: ignore[no-untyped-call]
         torch.nn.utils.clip_grad_norm_(network.parameters(), CLIP)
         optimizer.step()
-        _average(averaged, network, ema_decay(step + 1, EMA))
+        average(averaged, network, ema_decay(step + 1, EMA))
     averaged.eval()
     return averaged
 
@@ -107,7 +110,7 @@ def _mixed(batch: Examples, real: Examples, rng: np.random.Generator) -> Example
 
 
 @torch.no_grad()
-def _average(averaged: CropNetwork, network: CropNetwork, decay: float) -> None:
+def average(averaged: nn.Module, network: nn.Module, decay: float) -> None:
     """Update the moving average of weights and batch statistics."""
     for mean, new in zip(averaged.state_dict().values(), network.state_dict().values(), strict=True):
         if mean.is_floating_point():
@@ -116,11 +119,11 @@ def _average(averaged: CropNetwork, network: CropNetwork, decay: float) -> None:
             mean.copy_(new)
 
 
-def _batches(count: int, rng: np.random.Generator) -> Iterator[IntArray]:
+def batches(count: int, size: int, rng: np.random.Generator) -> Iterator[IntArray]:
     """Yield the indices of batches: every example once, in random order, again and again."""
     while True:
         order = rng.permutation(count)
-        yield from (order[i : i + BATCH] for i in range(0, max(count - BATCH, 0) + 1, BATCH))
+        yield from (order[i : i + size] for i in range(0, max(count - size, 0) + 1, size))
 
 
 def loss_of(outputs: Corrections, truth: Truth) -> Tensor:
@@ -150,3 +153,10 @@ def _length(difference: Tensor, slack: float) -> Tensor:
 def _mean(values: Tensor, where: Tensor) -> Tensor:
     """Return the mean of values (K,) where a mask is true; 0 without any."""
     return (values * where).sum() / where.sum().clamp(min=1)
+
+
+def write_network(network: nn.Module, path: Path) -> None:
+    """Write the weights of a network as float16."""
+    state = network.state_dict()
+    halves = {name: state[name].half() if state[name].is_floating_point() else state[name] for name in sorted(state)}
+    write_bytes(path, save({name: tensor.contiguous() for name, tensor in halves.items()}))

@@ -1,0 +1,132 @@
+"""Training of the network of the second stage of cells."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from copy import deepcopy
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from numpy.random import Generator
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional
+
+from appocc.inference.second_stage.cell_network import PARTS, CellInputs, CellNetwork
+from appocc.training.schedule import ema_decay, learning_rate
+from benchmarks.second_stage.cell_examples import CellExamples
+from benchmarks.second_stage.training import CLIP, WEIGHT_DECAY, average, batches
+
+BATCH, RATE, WARMUP, EMA = 4, 4e-3, 0.05, 0.995
+# Weights of the losses of road and lane.
+_WEIGHTS = (1.0, 2.0)
+# Share of the examples in other colours, and of those with mixed channels, with all channels alike and with noise.
+_TONED, _MIXED, _GREY, _NOISY = 0.6, 0.3, 0.1, 0.2
+# Tone: logarithms of gamma, of the gain of all channels, and of each (standard deviation); mixture and noise.
+_GAMMA, _GAIN, _CHANNEL, _MIXTURE, _NOISE = 0.4, (-0.4, 0.3), 0.12, 0.4, 0.03
+
+
+class CellBatch(NamedTuple):
+    """Network inputs of B examples with their truth (B, 2, X, Y), and whether it is known, as numbers."""
+
+    inputs: CellInputs
+    truth: Tensor
+    known: Tensor
+
+
+def make_batch(examples: CellExamples, chosen: NDArray[np.int64], range_m: Tensor, rng: Generator) -> CellBatch:
+    """Return a batch of some examples, augmented.
+
+    Args:
+        examples: examples of a square grid.
+        chosen: (B,) indices.
+        range_m: (1, 1, X, Y) distance of the cells from the ego.
+        rng: of the augmentation.
+    """
+    turned = [_turned(examples, one, rng) for one in chosen.tolist()]
+    logits, rgb, seen, truth, known = (torch.from_numpy(np.stack(arrays)) for arrays in zip(*turned, strict=True))
+    colours = torch.stack([_toned(each, rng) for each in rgb.float() / 255])
+    inputs = CellInputs(logits.float(), colours, seen[:, None].float() / PARTS**2, range_m)
+    return CellBatch(inputs, truth.float(), known.float())
+
+
+def _turned(examples: CellExamples, one: int, rng: Generator) -> CellExamples:
+    """Return the arrays of one example, mirrored along x and y or transposed at random."""
+    logits, rgb, seen, truth, known = (array[one] for array in examples)
+    maps = [logits, rgb.reshape(3, PARTS, PARTS, *rgb.shape[1:]), seen[None], truth, known]
+    for axis in (-2, -1):
+        if rng.random() < 0.5:
+            maps = [np.flip(each, axis) for each in maps]
+            maps[1] = np.flip(maps[1], axis - 2)
+    if rng.random() < 0.5:
+        maps = [each.swapaxes(-2, -1) for each in maps]
+        maps[1] = maps[1].swapaxes(-4, -3)
+    logits, parts, seen, truth, known = map(np.ascontiguousarray, maps)
+    return CellExamples(logits, parts.reshape(rgb.shape), seen[0], truth, known)
+
+
+def _toned(rgb: Tensor, rng: Generator) -> Tensor:
+    """Return colours (27, X, Y) in the tone of another camera, at random."""
+    if rng.random() > _TONED:
+        return rgb
+    gain = np.exp(rng.normal(0, _CHANNEL, (3, 1)) + rng.uniform(*_GAIN))
+    mix = np.eye(3)
+    kind = rng.random()
+    if kind < _MIXED:
+        mix = mix + _MIXTURE * rng.standard_normal((3, 3))
+        mix /= np.maximum(mix.sum(axis=1, keepdims=True), 0.3)
+    elif kind < _MIXED + _GREY:
+        mix = np.full((3, 3), 1 / 3)
+    channels = rgb.reshape(3, -1, *rgb.shape[1:]).pow(float(np.exp(rng.uniform(-_GAMMA, _GAMMA))))
+    channels = torch.tensordot(torch.from_numpy((mix * gain.T).astype(np.float32)), channels, dims=1)
+    if rng.random() < _NOISY:
+        noise = np.float32(_NOISE * rng.random()) * rng.standard_normal(channels.shape, np.float32)
+        channels = channels + torch.from_numpy(noise)
+    toned: Tensor = channels.clamp(0, 1).flatten(0, 1)
+    return toned
+
+
+def train_cells(
+    examples: CellExamples, epochs: float, range_m: Tensor, seed: int, start: CellNetwork | None = None
+) -> CellNetwork:
+    """Return a trained network: the moving average of its weights.
+
+    Args:
+        examples: all of them are used in an epoch.
+        epochs: length of the training.
+        range_m: (1, 1, X, Y) distance of the cells from the ego.
+        seed: of initial weights, order and augmentation.
+        start: trained network to begin with.
+    """
+    torch.manual_seed(seed)
+    rng = np.random.default_rng(seed)
+    network = CellNetwork() if start is None else deepcopy(start).train()
+    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    averaged = deepcopy(network)
+    optimizer = torch.optim.AdamW(network.parameters(), lr=RATE, weight_decay=WEIGHT_DECAY)
+    steps = max(1, round(epochs * len(examples.seen) / BATCH))
+    order = batches(len(examples.seen), BATCH, rng)
+    with ThreadPoolExecutor(1) as maker:
+        coming = maker.submit(make_batch, examples, next(order), range_m, rng)
+        for step in range(steps):
+            batch = coming.result()
+            coming = maker.submit(make_batch, examples, next(order), range_m, rng)
+            for group in optimizer.param_groups:
+                group["lr"] = learning_rate(step / steps, RATE, WARMUP)
+            loss = cell_loss(network(batch.inputs), batch)
+            optimizer.zero_grad()
+            loss.backward()  # type: ignore[no-untyped-call]
+            torch.nn.utils.clip_grad_norm_(network.parameters(), CLIP)
+            optimizer.step()
+            average(averaged, network, ema_decay(step + 1, EMA))
+            if step % 50 == 49:
+                print(f"step {step + 1} of {steps}: loss {float(loss.detach()):.4f}", flush=True)
+    averaged.eval()
+    return averaged
+
+
+def cell_loss(logits: Tensor, batch: CellBatch) -> Tensor:
+    """Return the weighted mean cross-entropy of logits (B, 2, X, Y) over the known cells."""
+    each = functional.binary_cross_entropy_with_logits(logits, batch.truth, reduction="none") * batch.known
+    return (each.mean((0, 2, 3)) * each.new_tensor(_WEIGHTS)).sum()
