@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
+from appocc.geometry import wrap_angle
 from appocc.inference.second_stage.cell_network import PARTS, CellInputs, CellNetwork
 from appocc.training.schedule import ema_decay, learning_rate
 from benchmarks.second_stage.cell_examples import CellExamples
@@ -23,6 +24,8 @@ BATCH, RATE, WARMUP, EMA = 4, 4e-3, 0.05, 0.995
 _WEIGHTS = (1.0, 2.0)
 # Share of the examples in other colours, and of those with mixed channels, with all channels alike and with noise.
 _TONED, _MIXED, _GREY, _NOISY = 0.6, 0.3, 0.1, 0.2
+# Share of the examples with a sector that no camera sees, and its width.
+_HIDDEN, _SECTOR_RAD = 0.25, (0.5, 5.5)
 # Tone: logarithms of gamma, of the gain of all channels, and of each (standard deviation); mixture and noise.
 _GAMMA, _GAIN, _CHANNEL, _MIXTURE, _NOISE = 0.4, (-0.4, 0.3), 0.12, 0.4, 0.03
 
@@ -39,12 +42,14 @@ def make_batch(examples: CellExamples, chosen: NDArray[np.int64], range_m: Tenso
     """Return a batch of some examples, augmented.
 
     Args:
-        examples: examples of a square grid.
+        examples: examples of a square grid around the ego.
         chosen: (B,) indices.
         range_m: (1, 1, X, Y) distance of the cells from the ego.
         rng: of the augmentation.
     """
     turned = [_turned(examples, one, rng) for one in chosen.tolist()]
+    for each in turned:
+        _hide(each, rng)
     logits, rgb, seen, truth, known = (torch.from_numpy(np.stack(arrays)) for arrays in zip(*turned, strict=True))
     colours = torch.stack([_toned(each, rng) for each in rgb.float() / 255])
     inputs = CellInputs(logits.float(), colours, seen[:, None].float() / PARTS**2, range_m)
@@ -52,7 +57,7 @@ def make_batch(examples: CellExamples, chosen: NDArray[np.int64], range_m: Tenso
 
 
 def _turned(examples: CellExamples, one: int, rng: Generator) -> CellExamples:
-    """Return the arrays of one example, mirrored along x and y or transposed at random."""
+    """Return copies of the arrays of one example, mirrored along x and y or transposed at random."""
     logits, rgb, seen, truth, known = (array[one] for array in examples)
     maps = [logits, rgb.reshape(3, PARTS, PARTS, *rgb.shape[1:]), seen[None], truth, known]
     for axis in (-2, -1):
@@ -62,8 +67,19 @@ def _turned(examples: CellExamples, one: int, rng: Generator) -> CellExamples:
     if rng.random() < 0.5:
         maps = [each.swapaxes(-2, -1) for each in maps]
         maps[1] = maps[1].swapaxes(-4, -3)
-    logits, parts, seen, truth, known = map(np.ascontiguousarray, maps)
+    logits, parts, seen, truth, known = (np.array(each, order="C") for each in maps)
     return CellExamples(logits, parts.reshape(rgb.shape), seen[0], truth, known)
+
+
+def _hide(example: CellExamples, rng: Generator) -> None:
+    """Make a sector of an example unseen at random, as without a camera, in place."""
+    if rng.random() > _HIDDEN:
+        return
+    x, y = (np.arange(cells) - (cells - 1) / 2 for cells in example.seen.shape)
+    from_middle_rad = wrap_angle(np.arctan2(y, x[:, None]) - rng.uniform(-np.pi, np.pi))
+    hidden = np.abs(from_middle_rad) < rng.uniform(*_SECTOR_RAD) / 2
+    example.seen[hidden] = 0
+    example.rgb[:, hidden] = 0
 
 
 def _toned(rgb: Tensor, rng: Generator) -> Tensor:

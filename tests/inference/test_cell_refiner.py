@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
+import pytest
 import torch
 from made_street import YAW, camera
 from torch import Tensor
@@ -15,8 +17,10 @@ from appocc.checks import BoolArray, FloatArray
 from appocc.grid import BEVGrid
 from appocc.inference.inputs import dataset_inputs
 from appocc.inference.loading import load_predictor
+from appocc.inference.predictor import Predictor
 from appocc.inference.second_stage.cell_network import CELL_PARTS, PARTS, CellInputs, CellNetwork
 from appocc.inference.second_stage.cell_refiner import CellRefiner, cell_inputs, part_colours
+from appocc.models.shipped import PACKAGED, shipped_weights
 from appocc.nuscenes import Dataset
 
 CPU = torch.device("cpu")
@@ -112,10 +116,9 @@ def test_the_light_of_the_scene_does_not_matter() -> None:
     torch.testing.assert_close(one, other, rtol=0, atol=1e-3)
 
 
-def lane_iou(root: Path, cell_stage: CellRefiner | None) -> float:
+def lane_iou(root: Path, predictor: Predictor) -> float:
     """IoU of lane lines in the maps of the first samples of all scenes."""
     dataset, both, either = Dataset(root), 0, 0
-    predictor = load_predictor(cell_stage=(lambda occupancy, *_: occupancy) if cell_stage is None else cell_stage)
     for scene in dataset.scenes:
         predictor.reset()
         given = dataset_inputs(dataset, [scene])[0]
@@ -125,5 +128,17 @@ def lane_iou(root: Path, cell_stage: CellRefiner | None) -> float:
     return both / either
 
 
-def test_the_shipped_network_finds_lane_lines_better(simulated_root: Path) -> None:
-    assert lane_iou(simulated_root, CellRefiner.shipped(CPU)) > lane_iou(simulated_root, None) + 0.02
+@pytest.mark.parametrize("name", sorted(shipped_weights()))
+def test_shipped_weights_find_lane_lines_better_with_their_stage(simulated_root: Path, name: str) -> None:
+    without = load_predictor(name, CPU, cell_stage=lambda occupancy, *_: occupancy)
+    assert lane_iou(simulated_root, load_predictor(name, CPU)) > lane_iou(simulated_root, without) + 0.02
+
+
+def test_other_weights_have_no_stage_of_cells(simulated_root: Path, tmp_path: Path) -> None:
+    own = tmp_path / "own.safetensors"
+    shutil.copy(PACKAGED, own)
+    frame = dataset_inputs(Dataset(simulated_root), [Dataset(simulated_root).scenes[0]])[0].read().frame
+    bare, shipped = (load_predictor(weights, CPU)(frame).bev.occupancy for weights in (own, None))
+    without = load_predictor(None, CPU, cell_stage=lambda occupancy, *_: occupancy)(frame).bev.occupancy
+    np.testing.assert_array_equal(bare, without)
+    assert not np.array_equal(bare[LANE], shipped[LANE])

@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import load_file
 
 from appocc.grid import BEVGrid
 from appocc.inference.second_stage.cell_network import CELL_PARTS, PARTS, CellNetwork
 from benchmarks.second_stage.cell_examples import CellExamples, read_cell_examples
 from benchmarks.second_stage.cell_training import cell_loss, make_batch, train_cells
 from benchmarks.second_stage.examples import Source
+from benchmarks.train_cell_stage import main
 
 GRID = BEVGrid(-6.4, 6.4, -6.4, 6.4, 0.4)
 RANGE_M = torch.from_numpy(np.linalg.norm(GRID.centres(), axis=-1)).float()[None, None]
@@ -35,7 +37,8 @@ def made_examples(count: int = 32) -> CellExamples:
 
 
 def test_turning_keeps_colours_and_truth_together(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("benchmarks.second_stage.cell_training._TONED", 0.0)
+    for share in ("_TONED", "_HIDDEN"):
+        monkeypatch.setattr(f"benchmarks.second_stage.cell_training.{share}", 0.0)
     examples, rng = made_examples(1), np.random.default_rng(1)
     batches = [make_batch(examples, np.array([0]), RANGE_M, rng) for _ in range(12)]
     for batch in batches:
@@ -44,6 +47,18 @@ def test_turning_keeps_colours_and_truth_together(monkeypatch: pytest.MonkeyPatc
         bright = (parts > 150).float().mean((2, 3))  # share of cells that are bright in each part
         assert bright.var(0).sum() == 0 or bright.var(1).sum() == 0  # along a line all parts are bright alike
     assert any(not torch.equal(batch.truth, batches[0].truth) for batch in batches)
+
+
+def test_a_hidden_sector_is_unseen_and_black(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("benchmarks.second_stage.cell_training._HIDDEN", 1.0)
+    monkeypatch.setattr("benchmarks.second_stage.cell_training._TONED", 0.0)
+    examples = made_examples(6)
+    batch = make_batch(examples, np.arange(6), RANGE_M, np.random.default_rng(0))
+    assert (examples.seen == CELL_PARTS).all()
+    hidden = batch.inputs.seen[:, 0] == 0
+    assert 0.1 < hidden.float().mean() < 0.9
+    assert (batch.inputs.rgb.amax(1)[hidden] == 0).all()
+    assert (batch.inputs.rgb.amax(1)[~hidden] > 0).all()
 
 
 def test_unknown_cells_count_nothing() -> None:
@@ -84,3 +99,10 @@ def test_examples_hold_what_the_network_says_and_the_truth(simulated_root: Path)
     batch = make_batch(examples, np.array([0]), torch.zeros(1, 1, *seen.shape[1:]), np.random.default_rng(0))
     with torch.inference_mode():
         assert network(batch.inputs).shape == (1, 2, *seen.shape[1:])
+
+
+def test_the_command_writes_weights_that_can_be_loaded(simulated_root: Path, tmp_path: Path) -> None:
+    out = tmp_path / "w.safetensors"
+    main([str(simulated_root), "--out", str(out), "--epochs", "0.1", "--versions", "1", "--workers", "1"])
+    CellNetwork().load_state_dict(load_file(out))
+    assert 200_000 < out.stat().st_size < 1_000_000
