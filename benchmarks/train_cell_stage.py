@@ -1,12 +1,10 @@
 """Train the second stage of cells, which corrects road and lane of a map by its images, on simulated drives.
 
 python -m benchmarks.train_cell_stage ROOT [ROOT ...] [--out FILE] [--epochs 3] [--workers 2]
-python -m benchmarks.train_cell_stage ROOT [ROOT ...] --real ROOT --out FILE --epochs 0.5
 
 Each ROOT is a dataset of `appocc simulate` in the towns of the training. The maps are those that the shipped network
-predicts there, once from the images as they are and once from another camera's. With `--real` the shipped stage
-is trained on, for the weights `street`, and the first 24 key frames of a recording with ground-truth maps are added.
-The same seed gives the same weights on the same machine.
+predicts there, once from the images as they are and once from those of another camera. The same seed gives the same
+weights on the same machine.
 """
 
 from __future__ import annotations
@@ -18,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from appocc.inference.second_stage.cell_refiner import CELL_WEIGHTS_FOLDER, shipped_cell_network
+from appocc.inference.second_stage.cell_refiner import CELL_WEIGHTS_FOLDER
 from appocc.inference.second_stage.refiner import DEFAULT
 from appocc.models.model_spec import MODEL_SPECS
 from benchmarks.second_stage.cell_examples import CellExamples, read_cell_examples
@@ -27,8 +25,6 @@ from benchmarks.second_stage.examples import Source
 from benchmarks.second_stage.training import write_network
 
 SEED, VERSIONS, SETTING = 0, 2, "360"
-# Of a recording: versions of each key frame, and key frames.
-REAL_VERSIONS, REAL_FRAMES = 10, 24
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -41,19 +37,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--epochs", type=float, default=3.0)
     parser.add_argument("--versions", type=int, default=VERSIONS, help=f"of each simulated key frame ({VERSIONS})")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--real", type=Path, help="recording with ground-truth maps")
     options = parser.parse_args(arguments)
     sources = [Source(root, options.versions, SEED) for root in options.roots]
-    start = None
-    if options.real is not None:
-        sources = [Source(root, options.versions, SEED, "street") for root in options.roots]
-        sources.append(Source(options.real, REAL_VERSIONS, SEED, "street", "groundtruth", REAL_FRAMES))
-        start = shipped_cell_network()
     examples = CellExamples.concatenated([read_cell_examples(source, options.workers) for source in sources])
     print(f"{len(examples.seen)} examples", flush=True)
     centres_m = MODEL_SPECS[SETTING].grid.centres()
     range_m = torch.from_numpy(np.linalg.norm(centres_m, axis=-1)).float()[None, None]
-    write_network(train_cells(examples, options.epochs, range_m, SEED, start), options.out)
+    write_network(train_cells(examples, options.epochs, range_m, SEED), options.out)
 
 
 if __name__ == "__main__":

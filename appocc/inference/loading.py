@@ -38,8 +38,8 @@ def load_predictor(
     """Load a predictor from a weights file or the name of shipped weights; None: the default of the package.
 
     It runs on the given device, by default on the first GPU or else on the CPU. The default second stage is the
-    shipped one of these weights or of the default ones, for networks that predict objects. The default stage of cells
-    is that of shipped weights; others have none, since what a lane line is depends on the maps of their training.
+    shipped one of these weights or of the default ones, for networks that predict objects. The default weights
+    have a stage of cells; others have none, since what a lane line is depends on the maps of their training.
 
     Raises:
         DataError: if the package has no weights, or the file is missing or damaged.

@@ -103,9 +103,7 @@ def _toned(rgb: Tensor, rng: Generator) -> Tensor:
     return toned
 
 
-def train_cells(
-    examples: CellExamples, epochs: float, range_m: Tensor, seed: int, start: CellNetwork | None = None
-) -> CellNetwork:
+def train_cells(examples: CellExamples, epochs: float, range_m: Tensor, seed: int) -> CellNetwork:
     """Return a trained network: the moving average of its weights.
 
     Args:
@@ -113,11 +111,10 @@ def train_cells(
         epochs: length of the training.
         range_m: (1, 1, X, Y) distance of the cells from the ego.
         seed: of initial weights, order and augmentation.
-        start: trained network to begin with.
     """
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
-    network = CellNetwork() if start is None else deepcopy(start).train()
+    network = CellNetwork()
     network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     averaged = deepcopy(network)
     optimizer = torch.optim.AdamW(network.parameters(), lr=RATE, weight_decay=WEIGHT_DECAY)

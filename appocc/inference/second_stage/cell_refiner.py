@@ -14,7 +14,7 @@ from appocc.camera import CameraRig
 from appocc.checks import Float32Array
 from appocc.grid import BEVGrid
 from appocc.inference.second_stage.cell_network import CORRECTED, PARTS, CellInputs, CellNetwork
-from appocc.inference.second_stage.refiner import DEFAULT, WEIGHTS_FOLDER
+from appocc.inference.second_stage.refiner import WEIGHTS_FOLDER
 from appocc.models.batch_norm_folding import fold_batch_norms
 from appocc.models.view_transform.planning import plan_sampling
 from appocc.models.view_transform.sampling import sample_features
@@ -34,9 +34,14 @@ class CellRefiner:
         self._device = device
 
     @classmethod
-    def shipped(cls, device: torch.device, name: str = DEFAULT) -> CellRefiner:
-        """Return the second stage of cells of shipped weights by their name."""
-        return cls(shipped_cell_network(name), device)
+    def shipped(cls, device: torch.device, name: str) -> CellRefiner | None:
+        """Return the second stage of cells of shipped weights by their name; None if they have none."""
+        weights = CELL_WEIGHTS_FOLDER / f"{name}.safetensors"
+        if not weights.is_file():
+            return None
+        network = CellNetwork()
+        network.load_state_dict(load_file(weights))
+        return cls(network.eval(), device)
 
     def __call__(self, occupancy: Float32Array, images: Tensor, rig: CameraRig, grid: BEVGrid) -> Float32Array:
         """Return the probabilities (3, X, Y) with corrected road and lane.
@@ -53,13 +58,6 @@ class CellRefiner:
         refined = occupancy.copy()
         refined[list(CORRECTED)] = corrected
         return refined
-
-
-def shipped_cell_network(name: str = DEFAULT) -> CellNetwork:
-    """Return the network of the second stage of cells of shipped weights by their name."""
-    network = CellNetwork()
-    network.load_state_dict(load_file(CELL_WEIGHTS_FOLDER / f"{name}.safetensors"))
-    return network.eval()
 
 
 def cell_inputs(occupancy: Float32Array, images: Tensor, rig: CameraRig, grid: BEVGrid) -> CellInputs:
