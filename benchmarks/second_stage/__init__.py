@@ -1,1 +1,1 @@
-"""Training of the second stage: image crops of predicted vehicles with what is true of them."""
+"""Training of the second stage: image crops of predicted vehicles, and colours of cells, with their truth."""

@@ -55,7 +55,7 @@ class CellExamples(NamedTuple):
 
 
 class _Recorder:
-    """Stands in for the second stage of cells and keeps what it is called with."""
+    """Second stage of cells that records its inputs and changes nothing."""
 
     def __call__(self, occupancy: Float32Array, images: Tensor, rig: CameraRig, grid: BEVGrid) -> Float32Array:
         self.inputs = cell_inputs(occupancy, images, rig, grid)

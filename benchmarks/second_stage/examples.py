@@ -98,7 +98,7 @@ class Examples(NamedTuple):
 
 
 class _Recorder:
-    """Stands in for the second stage and keeps what it is called with."""
+    """Second stage that records its inputs and changes nothing."""
 
     def __call__(self, objects: BEVObjects, images: ByteArray, cameras: Iterable[Camera]) -> BEVObjects:
         self.objects, self.images, self.cameras = objects, images.transpose(0, 2, 3, 1), list(cameras)

@@ -32,7 +32,7 @@ _LAB_SLACK, _REAL_SHARE = 1.0, 0.35
 
 
 class Truth(NamedTuple):
-    """What is true of K boxes that face away from the ego; undefined without a vehicle.
+    """Truth of K boxes that face away from the ego; undefined without a vehicle.
 
     Attributes:
         found: (K,) bool, whether there is a vehicle.
@@ -50,7 +50,7 @@ class Truth(NamedTuple):
 
 
 def truth_of(examples: Examples) -> Truth:
-    """Return what is true of examples."""
+    """Return the truth of examples."""
     rows = examples.truth.astype(np.float64)
     found = np.isfinite(rows[:, KIND])
     painted = np.asarray(np.isfinite(rows[:, RGB]).all(axis=1, keepdims=True))

@@ -22,7 +22,7 @@ CELL_PARTS = PARTS * PARTS
 # Classes that are corrected.
 CORRECTED = (ROAD, LANE)
 _CLASSES, _FINE, _MIDDLE, _DEEP = 3, 32, 48, 64
-# Colours are told as differences from the mean colour around: cells on each side, and scale.
+# Colours are relative to the mean colour around: cells on each side, and scale.
 _AROUND_CELLS, _CONTRAST = 10, 4.0
 _LOGIT_SCALE, _RANGE_SCALE_M = 3.0, 40.0
 
@@ -62,8 +62,8 @@ class CellNetwork(nn.Module):
     def forward(self, inputs: CellInputs) -> Tensor:
         """Return the corrected logits (B, 2, X, Y) of road and lane."""
         place = (inputs.range_m / _RANGE_SCALE_M).expand_as(inputs.seen)
-        told = [inputs.logits / _LOGIT_SCALE, _contrast(inputs.rgb, inputs.seen), inputs.seen, place]
-        fine = self.fine(self.stem(torch.cat(told, dim=1).contiguous(memory_format=torch.channels_last)))
+        channels = [inputs.logits / _LOGIT_SCALE, _contrast(inputs.rgb, inputs.seen), inputs.seen, place]
+        fine = self.fine(self.stem(torch.cat(channels, dim=1).contiguous(memory_format=torch.channels_last)))
         middle = self.middle(fine)
         middle = self.mixed_middle(middle + upsample_twice(self.to_middle(self.deep(middle)), middle))
         fine = self.mixed_fine(fine + upsample_twice(self.to_fine(middle), fine))
