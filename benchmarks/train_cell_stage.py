@@ -13,10 +13,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-import torch
-
-from appocc.inference.second_stage.cell_refiner import CELL_WEIGHTS_FOLDER
+from appocc.inference.second_stage.cell_refiner import CELL_WEIGHTS_FOLDER, cell_distances
 from appocc.inference.second_stage.refiner import DEFAULT
 from appocc.models.model_spec import MODEL_SPECS
 from benchmarks.second_stage.cell_examples import CellExamples, read_cell_examples
@@ -41,9 +38,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sources = [Source(root, options.versions, SEED) for root in options.roots]
     examples = CellExamples.concatenated([read_cell_examples(source, options.workers) for source in sources])
     print(f"{len(examples.seen)} examples", flush=True)
-    centres_m = MODEL_SPECS[SETTING].grid.centres()
-    range_m = torch.from_numpy(np.linalg.norm(centres_m, axis=-1)).float()[None, None]
-    write_network(train_cells(examples, options.epochs, range_m, SEED), options.out)
+    distance = cell_distances(MODEL_SPECS[SETTING].grid)
+    write_network(train_cells(examples, options.epochs, distance, SEED), options.out)
 
 
 if __name__ == "__main__":

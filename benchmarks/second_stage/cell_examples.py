@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from functools import partial
 from typing import NamedTuple
 from zlib import crc32
 
 import numpy as np
-import torch
 from numpy.random import Generator
 from numpy.typing import NDArray
 from torch import Tensor
@@ -26,9 +23,7 @@ from appocc.inference.second_stage.cell_network import CELL_PARTS, CORRECTED
 from appocc.inference.second_stage.cell_refiner import cell_inputs
 from appocc.nuscenes.dataset import Dataset
 from appocc.training.batches.camera_style import CameraStyle, apply_style, draw_style
-from benchmarks.second_stage.examples import Source
-
-_SCENES_AT_ONCE = 4
+from benchmarks.second_stage.examples import Source, map_scenes
 
 
 class CellExamples(NamedTuple):
@@ -64,10 +59,7 @@ class _Recorder:
 
 def read_cell_examples(source: Source, workers: int) -> CellExamples:
     """Return the examples of a source, in the order of its scenes, read by a number of processes."""
-    scenes = [scene.name for scene in Dataset(source.root).scenes]
-    jobs = [scenes[i : i + _SCENES_AT_ONCE] for i in range(0, len(scenes), _SCENES_AT_ONCE)]
-    with ProcessPoolExecutor(workers, initializer=torch.set_num_threads, initargs=(1,)) as pool:
-        return CellExamples.concatenated(list(pool.map(partial(_of_scenes, source), jobs)))
+    return CellExamples.concatenated(map_scenes(source, _of_scenes, workers))
 
 
 def _of_scenes(source: Source, names: Sequence[str]) -> CellExamples:

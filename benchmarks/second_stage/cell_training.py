@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from copy import deepcopy
 from typing import NamedTuple
 
 import numpy as np
@@ -15,9 +15,8 @@ from torch.nn import functional
 
 from appocc.geometry import wrap_angle
 from appocc.inference.second_stage.cell_network import PARTS, CellInputs, CellNetwork
-from appocc.training.schedule import ema_decay, learning_rate
 from benchmarks.second_stage.cell_examples import CellExamples
-from benchmarks.second_stage.training import CLIP, WEIGHT_DECAY, average, batches
+from benchmarks.second_stage.training import Schedule, batches, optimised
 
 BATCH, RATE, WARMUP, EMA = 4, 4e-3, 0.05, 0.995
 # Weights of the losses of road and lane.
@@ -38,13 +37,13 @@ class CellBatch(NamedTuple):
     known: Tensor
 
 
-def make_batch(examples: CellExamples, chosen: NDArray[np.int64], range_m: Tensor, rng: Generator) -> CellBatch:
+def make_batch(examples: CellExamples, chosen: NDArray[np.int64], distance: Tensor, rng: Generator) -> CellBatch:
     """Return a batch of some examples, augmented.
 
     Args:
         examples: examples of a square grid around the ego.
         chosen: (B,) indices.
-        range_m: (1, 1, X, Y) distance of the cells from the ego.
+        distance: distances of `cell_distances`.
         rng: of the augmentation.
     """
     turned = [_turned(examples, one, rng) for one in chosen.tolist()]
@@ -52,7 +51,7 @@ def make_batch(examples: CellExamples, chosen: NDArray[np.int64], range_m: Tenso
         _hide(each, rng)
     logits, rgb, seen, truth, known = (torch.from_numpy(np.stack(arrays)) for arrays in zip(*turned, strict=True))
     colours = torch.stack([_toned(each, rng) for each in rgb.float() / 255])
-    inputs = CellInputs(logits.float(), colours, seen[:, None].float() / PARTS**2, range_m)
+    inputs = CellInputs(logits.float(), colours, seen[:, None].float() / PARTS**2, distance)
     return CellBatch(inputs, truth.float(), known.float())
 
 
@@ -103,40 +102,34 @@ def _toned(rgb: Tensor, rng: Generator) -> Tensor:
     return toned
 
 
-def train_cells(examples: CellExamples, epochs: float, range_m: Tensor, seed: int) -> CellNetwork:
+def train_cells(examples: CellExamples, epochs: float, distance: Tensor, seed: int) -> CellNetwork:
     """Return a trained network: the moving average of its weights.
 
     Args:
         examples: all of them are used in an epoch.
         epochs: length of the training.
-        range_m: (1, 1, X, Y) distance of the cells from the ego.
+        distance: distances of `cell_distances`.
         seed: of initial weights, order and augmentation.
     """
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
     network = CellNetwork()
     network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    averaged = deepcopy(network)
-    optimizer = torch.optim.AdamW(network.parameters(), lr=RATE, weight_decay=WEIGHT_DECAY)
     steps = max(1, round(epochs * len(examples.seen) / BATCH))
-    order = batches(len(examples.seen), BATCH, rng)
-    with ThreadPoolExecutor(1) as maker:
-        coming = maker.submit(make_batch, examples, next(order), range_m, rng)
-        for step in range(steps):
-            batch = coming.result()
-            coming = maker.submit(make_batch, examples, next(order), range_m, rng)
-            for group in optimizer.param_groups:
-                group["lr"] = learning_rate(step / steps, RATE, WARMUP)
-            loss = cell_loss(network(batch.inputs), batch)
-            optimizer.zero_grad()
-            loss.backward()  # type: ignore[no-untyped-call]
-            torch.nn.utils.clip_grad_norm_(network.parameters(), CLIP)
-            optimizer.step()
-            average(averaged, network, ema_decay(step + 1, EMA))
-            if step % 50 == 49:
-                print(f"step {step + 1} of {steps}: loss {float(loss.detach()):.4f}", flush=True)
-    averaged.eval()
-    return averaged
+
+    def losses() -> Iterator[Tensor]:
+        order = batches(len(examples.seen), BATCH, rng)
+        with ThreadPoolExecutor(1) as maker:
+            coming = maker.submit(make_batch, examples, next(order), distance, rng)
+            for step in range(steps):
+                batch = coming.result()
+                coming = maker.submit(make_batch, examples, next(order), distance, rng)
+                loss = cell_loss(network(batch.inputs), batch)
+                yield loss
+                if step % 50 == 49:
+                    print(f"step {step + 1} of {steps}: loss {float(loss.detach()):.4f}", flush=True)
+
+    return optimised(network, losses(), steps, Schedule(RATE, WARMUP, EMA))
 
 
 def cell_loss(logits: Tensor, batch: CellBatch) -> Tensor:

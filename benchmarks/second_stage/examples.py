@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 from zlib import crc32
 
 import numpy as np
@@ -35,8 +35,10 @@ _GATE_M = 2.0
 # Errors that are added to the boxes of the restyled versions: share with an error, along the line of sight as a
 # share of the distance, across it, of the logarithm of the sizes, and the largest of the heading.
 _SHARE, _ALONG, _ACROSS_M, _SIZE, _TURN_RAD = 0.5, 0.03, 0.3, 0.06, np.pi / 3
-_SCENES_AT_ONCE = 8
+_SCENES_AT_ONCE = 4
 _PLACE_SCALE = 127
+
+T = TypeVar("T")
 
 
 class Examples(NamedTuple):
@@ -128,10 +130,15 @@ class Source:
 
 def read_examples(source: Source, workers: int) -> Examples:
     """Return the examples of a source, in the order of its frames, read by a number of processes."""
+    return Examples.concatenated(map_scenes(source, _of_scenes, workers))
+
+
+def map_scenes(source: Source, of_scenes: Callable[[Source, Sequence[str]], T], workers: int) -> list[T]:
+    """Return the results of a function of a source and the names of some scenes, in the order of all its scenes."""
     scenes = [scene.name for scene in Dataset(source.root).scenes]
     jobs = [scenes[i : i + _SCENES_AT_ONCE] for i in range(0, len(scenes), _SCENES_AT_ONCE)]
     with ProcessPoolExecutor(workers, initializer=torch.set_num_threads, initargs=(1,)) as pool:
-        return Examples.concatenated(list(pool.map(partial(_of_scenes, source), jobs)))
+        return list(pool.map(partial(of_scenes, source), jobs))
 
 
 def _of_scenes(source: Source, names: Sequence[str]) -> Examples:

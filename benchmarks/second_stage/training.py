@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from copy import deepcopy
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import torch
@@ -29,6 +29,17 @@ _ACROSS_RAD = 0.4
 # Weights of the losses: found, near front, kind, paint (per unit of CIELAB), size.
 _WEIGHTS = (1.0, 1.0, 0.5, 0.1, 2.0)
 _LAB_SLACK, _REAL_SHARE = 1.0, 0.35
+
+
+N = TypeVar("N", bound=nn.Module)
+
+
+class Schedule(NamedTuple):
+    """Highest learning rate, share of the steps in which it rises, and decay of the average of the weights."""
+
+    rate: float
+    warmup: float
+    ema: float
 
 
 class Truth(NamedTuple):
@@ -80,26 +91,41 @@ def train(
     rng = np.random.default_rng(seed)
     network = CropNetwork() if start is None else deepcopy(start).train()
     network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    averaged = deepcopy(network)
-    optimizer = torch.optim.AdamW(network.parameters(), lr=RATE, weight_decay=WEIGHT_DECAY)
     steps = max(1, round(epochs * len(examples.truth) / BATCH))
-    for step, chosen in zip(range(steps), batches(len(examples.truth), BATCH, rng), strict=False):
+
+    def losses() -> Iterator[Tensor]:
+        for _, chosen in zip(range(steps), batches(len(examples.truth), BATCH, rng), strict=False):
+            batch = examples.select(chosen)
+            if real is not None:
+                batch = _mixed(batch, real, rng)
+            batch = augmented(batch, rng)
+            inputs = batch.inputs()
+            pixels = inputs.pixels.contiguous(memory_format=torch.channels_last)
+            yield loss_of(network(inputs._replace(pixels=pixels)), truth_of(batch))
+
+    return optimised(network, losses(), steps, Schedule(RATE, WARMUP, EMA))
+
+
+def optimised(network: N, losses: Iterable[Tensor], steps: int, schedule: Schedule) -> N:
+    """Train a network and return the moving average of its weights.
+
+    Args:
+        network: network to train, in place.
+        losses: loss of each step, computed when it is asked for.
+        steps: number of losses.
+        schedule: learning rate and average.
+    """
+    averaged = deepcopy(network)
+    optimizer = torch.optim.AdamW(network.parameters(), lr=schedule.rate, weight_decay=WEIGHT_DECAY)
+    for step, loss in enumerate(losses):
         for group in optimizer.param_groups:
-            group["lr"] = learning_rate(step / steps, RATE, WARMUP)
-        batch = examples.select(chosen)
-        if real is not None:
-            batch = _mixed(batch, real, rng)
-        batch = augmented(batch, rng)
-        inputs = batch.inputs()
-        pixels = inputs.pixels.contiguous(memory_format=torch.channels_last)
-        loss = loss_of(network(inputs._replace(pixels=pixels)), truth_of(batch))
+            group["lr"] = learning_rate(step / steps, schedule.rate, schedule.warmup)
         optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         torch.nn.utils.clip_grad_norm_(network.parameters(), CLIP)
         optimizer.step()
-        average(averaged, network, ema_decay(step + 1, EMA))
-    averaged.eval()
-    return averaged
+        _average(averaged, network, ema_decay(step + 1, schedule.ema))
+    return averaged.eval()
 
 
 def _mixed(batch: Examples, real: Examples, rng: np.random.Generator) -> Examples:
@@ -110,7 +136,7 @@ def _mixed(batch: Examples, real: Examples, rng: np.random.Generator) -> Example
 
 
 @torch.no_grad()
-def average(averaged: nn.Module, network: nn.Module, decay: float) -> None:
+def _average(averaged: nn.Module, network: nn.Module, decay: float) -> None:
     """Update the moving average of weights and batch statistics."""
     for mean, new in zip(averaged.state_dict().values(), network.state_dict().values(), strict=True):
         if mean.is_floating_point():

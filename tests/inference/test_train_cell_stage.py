@@ -11,13 +11,14 @@ from safetensors.torch import load_file
 
 from appocc.grid import BEVGrid
 from appocc.inference.second_stage.cell_network import CELL_PARTS, PARTS, CellNetwork
+from appocc.inference.second_stage.cell_refiner import cell_distances
 from benchmarks.second_stage.cell_examples import CellExamples, read_cell_examples
 from benchmarks.second_stage.cell_training import cell_loss, make_batch, train_cells
 from benchmarks.second_stage.examples import Source
 from benchmarks.train_cell_stage import main
 
 GRID = BEVGrid(-6.4, 6.4, -6.4, 6.4, 0.4)
-RANGE_M = torch.from_numpy(np.linalg.norm(GRID.centres(), axis=-1)).float()[None, None]
+DISTANCE = cell_distances(GRID)
 
 
 def made_examples(count: int = 32) -> CellExamples:
@@ -40,7 +41,7 @@ def test_turning_keeps_colours_and_truth_together(monkeypatch: pytest.MonkeyPatc
     for share in ("_TONED", "_HIDDEN"):
         monkeypatch.setattr(f"benchmarks.second_stage.cell_training.{share}", 0.0)
     examples, rng = made_examples(1), np.random.default_rng(1)
-    batches = [make_batch(examples, np.array([0]), RANGE_M, rng) for _ in range(12)]
+    batches = [make_batch(examples, np.array([0]), DISTANCE, rng) for _ in range(12)]
     for batch in batches:
         parts = batch.inputs.rgb[0].reshape(3, PARTS, PARTS, *GRID.shape)[0] * 255
         torch.testing.assert_close(parts[PARTS // 2, PARTS // 2] > 150, batch.truth[0, 1] > 0.5)
@@ -53,7 +54,7 @@ def test_a_hidden_sector_is_unseen_and_black(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr("benchmarks.second_stage.cell_training._HIDDEN", 1.0)
     monkeypatch.setattr("benchmarks.second_stage.cell_training._TONED", 0.0)
     examples = made_examples(6)
-    batch = make_batch(examples, np.arange(6), RANGE_M, np.random.default_rng(0))
+    batch = make_batch(examples, np.arange(6), DISTANCE, np.random.default_rng(0))
     assert (examples.seen == CELL_PARTS).all()
     hidden = batch.inputs.seen[:, 0] == 0
     assert 0.1 < hidden.float().mean() < 0.9
@@ -63,7 +64,7 @@ def test_a_hidden_sector_is_unseen_and_black(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_unknown_cells_count_nothing() -> None:
     examples = made_examples(4)
-    batch = make_batch(examples, np.arange(4), RANGE_M, np.random.default_rng(0))
+    batch = make_batch(examples, np.arange(4), DISTANCE, np.random.default_rng(0))
     logits = torch.zeros_like(batch.truth)
     half = batch._replace(known=batch.known * 0)
     assert float(cell_loss(logits, half)) == 0
@@ -72,10 +73,10 @@ def test_unknown_cells_count_nothing() -> None:
 
 def test_a_network_learns_which_lines_pass_the_middle_and_repeats() -> None:
     examples = made_examples()
-    first, second = (train_cells(examples, 8, RANGE_M, seed=1) for _ in range(2))
+    first, second = (train_cells(examples, 8, DISTANCE, seed=1) for _ in range(2))
     for one, other in zip(first.state_dict().values(), second.state_dict().values(), strict=True):
         torch.testing.assert_close(one, other, rtol=0, atol=0)
-    batch = make_batch(made_examples(8), np.arange(8), RANGE_M, np.random.default_rng(5))
+    batch = make_batch(made_examples(8), np.arange(8), DISTANCE, np.random.default_rng(5))
     with torch.inference_mode():
         said = first(batch.inputs)[:, 1].sigmoid()
     assert said[batch.truth[:, 1] > 0.5].mean() > said[batch.truth[:, 1] < 0.5].mean() + 0.3

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from appocc.bevmap import LANE, ROAD
+from appocc.bevmap import CLASSES, LANE, ROAD
 from appocc.models.lean_trunk import upsample_twice
 from appocc.models.resnet import conv_norm_relu
 
@@ -21,10 +21,10 @@ PARTS = 3
 CELL_PARTS = PARTS * PARTS
 # Classes that are corrected.
 CORRECTED = (ROAD, LANE)
-_CLASSES, _FINE, _MIDDLE, _DEEP = 3, 32, 48, 64
+_FINE, _MIDDLE, _DEEP = 32, 48, 64
 # Colours are relative to the mean colour around: cells on each side, and scale.
 _AROUND_CELLS, _CONTRAST = 10, 4.0
-_LOGIT_SCALE, _RANGE_SCALE_M = 3.0, 40.0
+_LOGIT_SCALE = 3.0
 
 
 class CellInputs(NamedTuple):
@@ -34,13 +34,13 @@ class CellInputs(NamedTuple):
         logits: (B, 3, X, Y) predicted logits of the classes.
         rgb: (B, 27, X, Y) sRGB colours, 0..1, at the parts of each cell: part (i, j) of the red channel first.
         seen: (B, 1, X, Y) share of the parts that a camera sees.
-        range_m: (1 or B, 1, X, Y) distance of the cell from the ego.
+        distance: (1 or B, 1, X, Y) distance of the cell from the ego, as the last of `cell_coordinates`.
     """
 
     logits: Tensor
     rgb: Tensor
     seen: Tensor
-    range_m: Tensor
+    distance: Tensor
 
 
 class CellNetwork(nn.Module):
@@ -49,7 +49,7 @@ class CellNetwork(nn.Module):
     def __init__(self) -> None:
         """Build the network with random weights; it begins by leaving the logits as they are."""
         super().__init__()
-        self.stem = conv_norm_relu(_CLASSES + 3 * CELL_PARTS + 2, _FINE, 1)
+        self.stem = conv_norm_relu(len(CLASSES) + 3 * CELL_PARTS + 2, _FINE, 1)
         self.fine = conv_norm_relu(_FINE, _FINE, 3)
         self.middle = nn.Sequential(conv_norm_relu(_FINE, _MIDDLE, 3, 2), conv_norm_relu(_MIDDLE, _MIDDLE, 3))
         self.deep = nn.Sequential(conv_norm_relu(_MIDDLE, _DEEP, 3, 2), conv_norm_relu(_DEEP, _DEEP, 3))
@@ -61,8 +61,8 @@ class CellNetwork(nn.Module):
 
     def forward(self, inputs: CellInputs) -> Tensor:
         """Return the corrected logits (B, 2, X, Y) of road and lane."""
-        place = (inputs.range_m / _RANGE_SCALE_M).expand_as(inputs.seen)
-        channels = [inputs.logits / _LOGIT_SCALE, _contrast(inputs.rgb, inputs.seen), inputs.seen, place]
+        distance = inputs.distance.expand_as(inputs.seen)
+        channels = [inputs.logits / _LOGIT_SCALE, _contrast(inputs.rgb, inputs.seen), inputs.seen, distance]
         fine = self.fine(self.stem(torch.cat(channels, dim=1).contiguous(memory_format=torch.channels_last)))
         middle = self.middle(fine)
         middle = self.mixed_middle(middle + upsample_twice(self.to_middle(self.deep(middle)), middle))

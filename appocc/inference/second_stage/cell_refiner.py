@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import torch
 from safetensors.torch import load_file
 from torch import Tensor
@@ -16,6 +15,7 @@ from appocc.grid import BEVGrid
 from appocc.inference.second_stage.cell_network import CORRECTED, PARTS, CellInputs, CellNetwork
 from appocc.inference.second_stage.refiner import WEIGHTS_FOLDER
 from appocc.models.batch_norm_folding import fold_batch_norms
+from appocc.models.network import cell_coordinates
 from appocc.models.view_transform.planning import plan_sampling
 from appocc.models.view_transform.sampling import sample_features
 
@@ -64,8 +64,12 @@ def cell_inputs(occupancy: Float32Array, images: Tensor, rig: CameraRig, grid: B
     """Return the network inputs of a map: its logits, and the colours of its cells on the ground."""
     logits = torch.from_numpy(occupancy).clamp(_LEAST_PROBABILITY, 1 - _LEAST_PROBABILITY).logit()[None]
     rgb, seen = part_colours(images, rig, grid)
-    range_m = torch.from_numpy(np.linalg.norm(grid.centres(), axis=-1)).float()[None, None]
-    return CellInputs(logits, rgb, seen, range_m)
+    return CellInputs(logits, rgb, seen, cell_distances(grid))
+
+
+def cell_distances(grid: BEVGrid) -> Tensor:
+    """Return the distances (1, 1, X, Y) of cells from the ego, in the unit of `cell_coordinates`."""
+    return cell_coordinates(grid)[:, -1:]
 
 
 def part_colours(images: Tensor, rig: CameraRig, grid: BEVGrid) -> tuple[Tensor, Tensor]:
