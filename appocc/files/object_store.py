@@ -132,8 +132,10 @@ def upload(source: Path, url: str) -> None:
         StoreError: if the store does not answer or refuses.
     """
     check_writable(url)
+    # Of parts sent side by side, some would still arrive after one has failed and the upload is aborted.
+    one_by_one = {"max_concurrency": 1} if scheme_of(url) == "s3" else {}
     try:
-        attempt(url, "be written", lambda store, address: store.put_file(str(source), address))
+        attempt(url, "be written", lambda store, address: store.put_file(str(source), address, **one_by_one))
     except FileNotFoundError as error:
         raise StoreError(f"{url}: cannot be written (no such bucket)") from error
     except (KeyboardInterrupt, SystemExit):

@@ -175,7 +175,7 @@ def test_parts_of_an_interrupted_write_are_removed(
 ) -> None:
     store = store_requests.connection("s3")
 
-    def interrupted(source: str, address: str) -> None:
+    def interrupted(source: str, address: str, **options: int) -> None:
         store.call_s3("create_multipart_upload", Bucket="made", Key="large.bin")
         raise KeyboardInterrupt
 
