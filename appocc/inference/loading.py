@@ -9,7 +9,7 @@ import torch
 from appocc.bevmap import CLASSES
 from appocc.errors import DataError
 from appocc.files import digest_of
-from appocc.inference.predictor import Predictor, Refine, RefineCells, Weights
+from appocc.inference.predictor import CellStage, Predictor, Refine, Weights
 from appocc.inference.second_stage.cell_refiner import CellRefiner
 from appocc.inference.second_stage.refiner import DEFAULT, SecondStage
 from appocc.models.batch_norm_folding import fold_batch_norms
@@ -33,7 +33,7 @@ def load_predictor(
     weights: PathLike | None = None,
     device: torch.device | None = None,
     second_stage: Refine | None = None,
-    cell_stage: RefineCells | None = None,
+    cell_stage: CellStage | None = None,
 ) -> Predictor:
     """Load a predictor from a weights file or the name of shipped weights; None: the default of the package.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import torch
@@ -17,8 +17,8 @@ from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray
 from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.geometry import apply, inverse
-from appocc.grid import BEVGrid
 from appocc.inference.exposure import brightening_exponent
+from appocc.inference.second_stage.ground_colours import GroundView
 from appocc.models.base import BEVModel, ViewTransformPlan
 from appocc.models.input_images import fit_image, select_channels
 from appocc.models.memory import MEMORY_AGE_S, MIN_MEMORY_AGE_S, Past, ground_motion, is_linked
@@ -28,12 +28,9 @@ from appocc.objects import BEVObjects
 
 # A second stage: from the objects of a map, the network's images (V, 3, H, W) and their cameras to corrected objects.
 Refine = Callable[[BEVObjects, ByteArray, Iterable[Camera]], BEVObjects]
-# A second stage of cells: from probabilities (3, X, Y), the network's images (V, 3, H, W), 0..1, their rig and the
-# grid to corrected probabilities.
-RefineCells = Callable[[Float32Array, Tensor, CameraRig, BEVGrid], Float32Array]
 
 # Version of what a map depends on besides its inputs and weights: change it with the values of maps.
-MAP_RULES = 8
+MAP_RULES = 9
 # Lower predicted speeds of vehicles, most of which are parked, and of people are within the error: unknown.
 _LEAST_SPEED_MPS, _LEAST_WALKING_MPS = 2.0, 1.0
 
@@ -71,6 +68,16 @@ class Prediction(NamedTuple):
     seen: BoolArray
 
 
+class CellStage(Protocol):
+    """A second stage of cells."""
+
+    def reset(self) -> None:
+        """Forget all frames: the next frame is the first of a drive."""
+
+    def __call__(self, occupancy: Float32Array, view: GroundView) -> Float32Array:
+        """Return the corrected probabilities (3, X, Y) of the next frame."""
+
+
 class _Memory(NamedTuple):
     """Memory of a network after a frame."""
 
@@ -100,7 +107,7 @@ class Predictor:
         weights: Weights,
         device: torch.device,
         second_stage: Refine | None = None,
-        cell_stage: RefineCells | None = None,
+        cell_stage: CellStage | None = None,
     ) -> None:
         """Move a network to the device, in evaluation mode; objects and cells without a stage stay uncorrected."""
         self.model = model.to(device).eval()
@@ -113,11 +120,13 @@ class Predictor:
     @property
     def has_memory(self) -> bool:
         """Whether a map depends on the frames before."""
-        return self.model.parts.memory
+        return self.model.parts.memory or self._cell_stage is not None
 
     def reset(self) -> None:
         """Forget all frames: the next frame is the first of a drive."""
         self._memories.clear()
+        if self._cell_stage is not None:
+            self._cell_stage.reset()
 
     def __call__(self, frame: Frame) -> Prediction:
         """Predict the map of a frame from its images.
@@ -143,7 +152,8 @@ class Predictor:
         if not np.isfinite(occupancy).all() or not np.isfinite(rgb).all():
             raise DataError(f"{frame.token}: the model output is not finite; are its weights ({self.weights.name})?")
         if self._cell_stage is not None:
-            occupancy = self._cell_stage(occupancy, images[0], rig, spec.grid)
+            view = GroundView(images[0], rig, spec.grid, frame.world_from_ego, frame.timestamp_us)
+            occupancy = self._cell_stage(occupancy, view)
         if output.memory is not None:
             self._memories.append(_Memory(output.memory, frame.world_from_ego, frame.timestamp_us))
         objects = None

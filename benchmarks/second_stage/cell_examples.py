@@ -10,17 +10,15 @@ from zlib import crc32
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
-from torch import Tensor
 
 from appocc.bevmap import load_map
-from appocc.camera import CameraRig
 from appocc.checks import BoolArray, ByteArray, Float32Array
 from appocc.frame import Frame
-from appocc.grid import BEVGrid
 from appocc.inference.inputs import dataset_inputs
 from appocc.inference.loading import load_predictor
 from appocc.inference.second_stage.cell_network import CELL_PARTS, CORRECTED
 from appocc.inference.second_stage.cell_refiner import cell_inputs
+from appocc.inference.second_stage.ground_colours import GroundColours, GroundView
 from appocc.nuscenes.dataset import Dataset
 from appocc.training.batches.camera_style import CameraStyle, apply_style, draw_style
 from benchmarks.second_stage.examples import Source, map_scenes
@@ -52,8 +50,16 @@ class CellExamples(NamedTuple):
 class _Recorder:
     """Second stage of cells that records its inputs and changes nothing."""
 
-    def __call__(self, occupancy: Float32Array, images: Tensor, rig: CameraRig, grid: BEVGrid) -> Float32Array:
-        self.inputs = cell_inputs(occupancy, images, rig, grid)
+    def __init__(self) -> None:
+        self._ground = GroundColours()
+
+    def reset(self) -> None:
+        """Forget all frames: the next frame is the first of a drive."""
+        self._ground.reset()
+
+    def __call__(self, occupancy: Float32Array, view: GroundView) -> Float32Array:
+        """Record the inputs of the next frame."""
+        self.inputs = cell_inputs(occupancy, *self._ground(view), view.grid)
         return occupancy
 
 

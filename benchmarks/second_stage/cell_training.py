@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 import torch
 from numpy.random import Generator
@@ -13,8 +14,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
+from appocc.bevmap import LANE, ROAD
 from appocc.geometry import wrap_angle
-from appocc.inference.second_stage.cell_network import PARTS, CellInputs, CellNetwork
+from appocc.inference.second_stage.cell_network import CORRECTED, PARTS, CellInputs, CellNetwork
 from benchmarks.second_stage.cell_examples import CellExamples
 from benchmarks.second_stage.training import Schedule, batches, optimised
 
@@ -25,8 +27,15 @@ _WEIGHTS = (1.0, 2.0)
 _TONED, _MIXED, _GREY, _NOISY = 0.6, 0.3, 0.1, 0.2
 # Share of the examples with a sector that no camera sees, and its width.
 _HIDDEN, _SECTOR_RAD = 0.25, (0.5, 5.5)
+# Share of the examples whose logits are doubtful, as those of images unlike the training's: logit that those of lane
+# fall back to, standard deviation of what is added to those of road, and cells between the nodes of these errors.
+_DOUBTFUL, _NO_LANE, _ROAD_ERROR, _ERROR_CELLS = 0.6, -5.0, 2.0, (8, 50)
+# Share of the examples with worn lines, and the contrast that they keep.
+_WORN, _KEPT, _AROUND_CELLS = 0.4, (0.1, 1.0), 9
 # Tone: logarithms of gamma, of the gain of all channels, and of each (standard deviation); mixture and noise.
-_GAMMA, _GAIN, _CHANNEL, _MIXTURE, _NOISE = 0.4, (-0.4, 0.3), 0.12, 0.4, 0.03
+_GAMMA, _GAIN, _CHANNEL, _MIXTURE, _NOISE = 0.4, (-0.9, 0.4), 0.12, 0.4, 0.03
+# Place of lane among the corrected classes.
+_LINES = CORRECTED.index(LANE)
 
 
 class CellBatch(NamedTuple):
@@ -49,6 +58,8 @@ def make_batch(examples: CellExamples, chosen: NDArray[np.int64], distance: Tens
     turned = [_turned(examples, one, rng) for one in chosen.tolist()]
     for each in turned:
         _hide(each, rng)
+        _doubt(each, rng)
+        _wear(each, rng)
     logits, rgb, seen, truth, known = (torch.from_numpy(np.stack(arrays)) for arrays in zip(*turned, strict=True))
     colours = torch.stack([_toned(each, rng) for each in rgb.float() / 255])
     inputs = CellInputs(logits.float(), colours, seen[:, None].float() / PARTS**2, distance)
@@ -79,6 +90,35 @@ def _hide(example: CellExamples, rng: Generator) -> None:
     hidden = np.abs(from_middle_rad) < rng.uniform(*_SECTOR_RAD) / 2
     example.seen[hidden] = 0
     example.rgb[:, hidden] = 0
+
+
+def _doubt(example: CellExamples, rng: Generator) -> None:
+    """Make the logits of an example doubtful at random, so that the colours are looked at, in place."""
+    if rng.random() > _DOUBTFUL:
+        return
+    cells = example.seen.shape
+    kept = np.clip(_smooth(cells, rng) * rng.uniform(0.2, 1.0) + rng.uniform(-0.5, 1.0), 0, 1)
+    example.logits[LANE] = _NO_LANE + kept * (example.logits[LANE] - _NO_LANE)
+    example.logits[ROAD] *= np.float16(rng.uniform(0.3, 1.0))
+    example.logits[ROAD] += (rng.uniform(0, _ROAD_ERROR) * _smooth(cells, rng)).astype(np.float16)
+
+
+def _wear(example: CellExamples, rng: Generator) -> None:
+    """Fade the lines of an example towards the ground around at random, in place."""
+    if rng.random() > _WORN:
+        return
+    lines = cv2.dilate(example.truth[_LINES].astype(np.uint8), np.ones((3, 3), np.uint8)).astype(np.bool_)
+    around = cv2.blur(example.rgb.transpose(1, 2, 0), (_AROUND_CELLS, _AROUND_CELLS)).transpose(2, 0, 1)
+    kept = np.clip(rng.uniform(*_KEPT) + 0.3 * _smooth(lines.shape, rng), 0, 1)
+    faded = around + kept * (example.rgb.astype(np.float32) - around)
+    example.rgb[:, lines] = faded[:, lines].round().astype(np.uint8)
+
+
+def _smooth(cells: tuple[int, ...], rng: Generator) -> NDArray[np.float64]:
+    """Return normal random numbers (X, Y) that change over several cells."""
+    apart = rng.uniform(*_ERROR_CELLS)
+    nodes = rng.standard_normal([max(2, round(count / apart) + 1) for count in cells])
+    return np.asarray(cv2.resize(nodes, cells[::-1], interpolation=cv2.INTER_LINEAR))
 
 
 def _toned(rgb: Tensor, rng: Generator) -> Tensor:

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import torch
 from safetensors.torch import load_file
 from torch import Tensor
-from torch.nn import functional
 
-from appocc.camera import CameraRig
 from appocc.checks import Float32Array
 from appocc.grid import BEVGrid
-from appocc.inference.second_stage.cell_network import CORRECTED, PARTS, CellInputs, CellNetwork
+from appocc.inference.second_stage.cell_network import CORRECTED, CellInputs, CellNetwork
+from appocc.inference.second_stage.ground_colours import GroundColours, GroundView
 from appocc.inference.second_stage.refiner import WEIGHTS_FOLDER
 from appocc.models.batch_norm_folding import fold_batch_norms
 from appocc.models.network import cell_coordinates
-from appocc.models.view_transform.planning import plan_sampling
-from appocc.models.view_transform.sampling import sample_features
 
 # Weights of the second stage of cells, named as the shipped weights that they belong to.
 CELL_WEIGHTS_FOLDER = WEIGHTS_FOLDER / "cells"
@@ -26,12 +21,13 @@ _LEAST_PROBABILITY = 1e-4
 
 
 class CellRefiner:
-    """Correct road and lane of a map by the images."""
+    """Correct road and lane of the maps of a drive by the images, one frame at a time."""
 
     def __init__(self, network: CellNetwork, device: torch.device) -> None:
         """Take a trained network to a device."""
         self._network = fold_batch_norms(network).to(device)
         self._device = device
+        self._ground = GroundColours()
 
     @classmethod
     def shipped(cls, device: torch.device, name: str) -> CellRefiner | None:
@@ -43,46 +39,38 @@ class CellRefiner:
         network.load_state_dict(load_file(weights))
         return cls(network.eval(), device)
 
-    def __call__(self, occupancy: Float32Array, images: Tensor, rig: CameraRig, grid: BEVGrid) -> Float32Array:
-        """Return the probabilities (3, X, Y) with corrected road and lane.
+    def reset(self) -> None:
+        """Forget all frames: the next frame is the first of a drive."""
+        self._ground.reset()
+
+    def __call__(self, occupancy: Float32Array, view: GroundView) -> Float32Array:
+        """Return the probabilities (3, X, Y) of the next frame with corrected road and lane.
 
         Args:
             occupancy: (3, X, Y) predicted probabilities.
-            images: (V, 3, H, W) sRGB, 0..1, as the first network sees them.
-            rig: their V cameras, in the frame of the grid.
-            grid: grid of the map.
+            view: the images as the first network sees them.
         """
         with torch.inference_mode():
-            inputs = CellInputs(*(each.to(self._device) for each in cell_inputs(occupancy, images, rig, grid)))
-            corrected = self._network(inputs)[0].float().sigmoid().cpu().numpy()
+            inputs = cell_inputs(occupancy, *self._ground(view), view.grid)
+            corrected = self._network(CellInputs(*(each.to(self._device) for each in inputs)))
         refined = occupancy.copy()
-        refined[list(CORRECTED)] = corrected
+        refined[list(CORRECTED)] = corrected[0].float().sigmoid().cpu().numpy()
         return refined
 
 
-def cell_inputs(occupancy: Float32Array, images: Tensor, rig: CameraRig, grid: BEVGrid) -> CellInputs:
-    """Return the network inputs of a map: its logits, and the colours of its cells on the ground."""
+def cell_inputs(occupancy: Float32Array, rgb: Tensor, seen: Tensor, grid: BEVGrid) -> CellInputs:
+    """Return the network inputs of a map.
+
+    Args:
+        occupancy: (3, X, Y) predicted probabilities.
+        rgb: (1, 27, X, Y) colours, 0..1, of the ground at the parts of cells.
+        seen: (1, 1, X, Y) share of the parts that are seen.
+        grid: grid of the map.
+    """
     logits = torch.from_numpy(occupancy).clamp(_LEAST_PROBABILITY, 1 - _LEAST_PROBABILITY).logit()[None]
-    rgb, seen = part_colours(images, rig, grid)
     return CellInputs(logits, rgb, seen, cell_distances(grid))
 
 
 def cell_distances(grid: BEVGrid) -> Tensor:
     """Return the distances (1, 1, X, Y) of cells from the ego, in the unit of `cell_coordinates`."""
     return cell_coordinates(grid)[:, -1:]
-
-
-def part_colours(images: Tensor, rig: CameraRig, grid: BEVGrid) -> tuple[Tensor, Tensor]:
-    """Return colours (1, 27, X, Y), 0..1, on the ground at the parts of cells, and the share (1, 1, X, Y) seen.
-
-    Args:
-        images: (V, 3, H, W) sRGB, 0..1.
-        rig: their V cameras, in the frame of the grid.
-        grid: cells.
-    """
-    parts = replace(grid, cell_m=grid.cell_m / PARTS)
-    high, wide = images.shape[2:]
-    plan = plan_sampling([rig], parts, (0.0,), high, wide, 1, device=images.device)
-    rgb = sample_features(images.permute(0, 2, 3, 1), plan)
-    seen = functional.avg_pool2d(plan.seen[:, None].float(), PARTS)
-    return functional.pixel_unshuffle(rgb, PARTS), seen
