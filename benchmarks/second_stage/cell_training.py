@@ -57,9 +57,9 @@ def make_batch(examples: CellExamples, chosen: NDArray[np.int64], distance: Tens
     """
     turned = [_turned(examples, one, rng) for one in chosen.tolist()]
     for each in turned:
+        _wear(each, rng)
         _hide(each, rng)
         _doubt(each, rng)
-        _wear(each, rng)
     logits, rgb, seen, truth, known = (torch.from_numpy(np.stack(arrays)) for arrays in zip(*turned, strict=True))
     colours = torch.stack([_toned(each, rng) for each in rgb.float() / 255])
     inputs = CellInputs(logits.float(), colours, seen[:, None].float() / PARTS**2, distance)

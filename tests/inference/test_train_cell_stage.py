@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 import torch
 from safetensors.torch import load_file
+from torch.nn.functional import max_pool2d
 
+from appocc.bevmap import LANE, ROAD, VEHICLE
 from appocc.grid import BEVGrid
 from appocc.inference.second_stage.cell_network import CELL_PARTS, PARTS, CellNetwork
 from appocc.inference.second_stage.cell_refiner import cell_distances
@@ -17,6 +19,7 @@ from benchmarks.second_stage.cell_training import cell_loss, make_batch, train_c
 from benchmarks.second_stage.examples import Source
 from benchmarks.train_cell_stage import main
 
+TRAINING = "benchmarks.second_stage.cell_training"
 GRID = BEVGrid(-6.4, 6.4, -6.4, 6.4, 0.4)
 DISTANCE = cell_distances(GRID)
 
@@ -37,9 +40,14 @@ def made_examples(count: int = 32) -> CellExamples:
     return CellExamples(logits, rgb.reshape(count, -1, x, y), seen, truth, np.ones_like(truth))
 
 
+def change_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Turn examples only."""
+    for share in ("_TONED", "_HIDDEN", "_WORN", "_DOUBTFUL"):
+        monkeypatch.setattr(f"{TRAINING}.{share}", 0.0)
+
+
 def test_turning_keeps_colours_and_truth_together(monkeypatch: pytest.MonkeyPatch) -> None:
-    for share in ("_TONED", "_HIDDEN"):
-        monkeypatch.setattr(f"benchmarks.second_stage.cell_training.{share}", 0.0)
+    change_none(monkeypatch)
     examples, rng = made_examples(1), np.random.default_rng(1)
     batches = [make_batch(examples, np.array([0]), DISTANCE, rng) for _ in range(12)]
     for batch in batches:
@@ -51,8 +59,8 @@ def test_turning_keeps_colours_and_truth_together(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_hidden_sector_is_unseen_and_black(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("benchmarks.second_stage.cell_training._HIDDEN", 1.0)
-    monkeypatch.setattr("benchmarks.second_stage.cell_training._TONED", 0.0)
+    change_none(monkeypatch)
+    monkeypatch.setattr(f"{TRAINING}._HIDDEN", 1.0)
     examples = made_examples(6)
     batch = make_batch(examples, np.arange(6), DISTANCE, np.random.default_rng(0))
     assert (examples.seen == CELL_PARTS).all()
@@ -60,6 +68,32 @@ def test_a_hidden_sector_is_unseen_and_black(monkeypatch: pytest.MonkeyPatch) ->
     assert 0.1 < hidden.float().mean() < 0.9
     assert (batch.inputs.rgb.amax(1)[hidden] == 0).all()
     assert (batch.inputs.rgb.amax(1)[~hidden] > 0).all()
+
+
+def test_worn_lines_are_fainter_and_the_ground_beside_them_is_not_changed(monkeypatch: pytest.MonkeyPatch) -> None:
+    change_none(monkeypatch)
+    monkeypatch.setattr(f"{TRAINING}._WORN", 1.0)
+    examples = made_examples(6)
+    batch = make_batch(examples, np.arange(6), DISTANCE, np.random.default_rng(0))
+    brightest = batch.inputs.rgb.reshape(6, 3, -1, *GRID.shape).amax((1, 2)) * 255
+    lines = batch.truth[:, 1] > 0.5
+    assert 80 < brightest[lines].mean() < 190  # 200 before
+    near = max_pool2d(lines[:, None].float(), 3, 1, 1)[:, 0] > 0
+    painted = brightest > 150
+    assert (brightest[~near & ~painted] < 90).all()
+    assert painted[~near].any()  # other lines stay as they are
+
+
+def test_doubtful_logits_say_less_of_lanes_and_have_errors_of_the_road(monkeypatch: pytest.MonkeyPatch) -> None:
+    change_none(monkeypatch)
+    monkeypatch.setattr(f"{TRAINING}._DOUBTFUL", 1.0)
+    examples = made_examples(6)
+    examples.logits[:, LANE] = 2
+    logits = make_batch(examples, np.arange(6), DISTANCE, np.random.default_rng(0)).inputs.logits
+    assert (logits[:, LANE] <= 2).all()
+    assert logits[:, LANE].mean() < 0
+    assert logits[:, ROAD].std() > 0.2
+    assert (logits[:, VEHICLE] == -2).all()
 
 
 def test_unknown_cells_count_nothing() -> None:
