@@ -66,9 +66,21 @@ def warp(state: Tensor, past_from_now: Tensor, grid: BEVGrid) -> Tensor:
         past_from_now: (B, 2, 3) ego motion on the ground.
         grid: the grid.
     """
+    return sample_earlier(state, torch.from_numpy(grid.centres()), past_from_now, grid)
+
+
+def sample_earlier(state: Tensor, points_m: Tensor, past_from_now: Tensor, grid: BEVGrid) -> Tensor:
+    """Return features (B, C, N, M) of an earlier frame at points, as `warp`.
+
+    Args:
+        state: (B, C, X, Y) features on the grid in the ego frame of the earlier time.
+        points_m: (N, M, 2) points in the ego frame of now.
+        past_from_now: (B, 2, 3) ego motion on the ground.
+        grid: the grid.
+    """
     # In float32 for any precision of the network: bfloat16 rounds positions to 0.25 m.
     motion = past_from_now.to(state.device, torch.float32)
-    now = torch.from_numpy(grid.centres()).to(motion)  # X Y 2
+    now = points_m.to(motion)
     then = now @ motion[:, None, :, :2].transpose(-1, -2) + motion[:, None, None, :, 2]
     low = motion.new_tensor([grid.x_min_m, grid.y_min_m])
     size = motion.new_tensor([grid.x_max_m - grid.x_min_m, grid.y_max_m - grid.y_min_m])

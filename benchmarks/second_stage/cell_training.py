@@ -30,8 +30,9 @@ _HIDDEN, _SECTOR_RAD = 0.25, (0.5, 5.5)
 # Share of the examples whose logits are doubtful, as those of images unlike the training's: logit that those of lane
 # fall back to, standard deviation of what is added to those of road, and cells between the nodes of these errors.
 _DOUBTFUL, _NO_LANE, _ROAD_ERROR, _ERROR_CELLS = 0.6, -5.0, 2.0, (8, 50)
-# Share of the examples with worn lines, and the contrast that they keep.
-_WORN, _KEPT, _AROUND_CELLS = 0.4, (0.1, 1.0), 9
+# Share of the examples with worn lines, the contrast that they keep (mean of an example, deviation in it), the
+# least that can be seen, and the distance of the ground that shows where they are worn.
+_WORN, _KEPT, _UNEVEN, _INVISIBLE, _BESIDE_CELLS = 0.5, (-0.2, 1.0), 0.4, 0.08, 4
 # Tone: logarithms of gamma, of the gain of all channels, and of each (standard deviation); mixture and noise.
 _GAMMA, _GAIN, _CHANNEL, _MIXTURE, _NOISE = 0.4, (-0.9, 0.4), 0.12, 0.4, 0.03
 # Place of lane among the corrected classes.
@@ -104,14 +105,17 @@ def _doubt(example: CellExamples, rng: Generator) -> None:
 
 
 def _wear(example: CellExamples, rng: Generator) -> None:
-    """Fade the lines of an example towards the ground around at random, in place."""
+    """Fade the lines of an example at random, in place; where nothing is left of one, it is none."""
     if rng.random() > _WORN:
         return
     lines = cv2.dilate(example.truth[_LINES].astype(np.uint8), np.ones((3, 3), np.uint8)).astype(np.bool_)
-    around = cv2.blur(example.rgb.transpose(1, 2, 0), (_AROUND_CELLS, _AROUND_CELLS)).transpose(2, 0, 1)
-    kept = np.clip(rng.uniform(*_KEPT) + 0.3 * _smooth(lines.shape, rng), 0, 1)
-    faded = around + kept * (example.rgb.astype(np.float32) - around)
-    example.rgb[:, lines] = faded[:, lines].round().astype(np.uint8)
+    away = np.array([[_BESIDE_CELLS, 0], [0, _BESIDE_CELLS]])[rng.integers(2)] * rng.choice([-1, 1])
+    bare = np.roll(example.rgb, away, (1, 2)).astype(np.float32)
+    fading = lines & np.roll(~lines & (example.seen > 0), away, (0, 1))
+    kept = np.clip(rng.uniform(*_KEPT) + _UNEVEN * _smooth(lines.shape, rng), 0, 1)
+    faded = bare + kept * (example.rgb - bare)
+    example.rgb[:, fading] = faded[:, fading].round().astype(np.uint8)
+    example.truth[_LINES] &= ~fading | (kept > _INVISIBLE)
 
 
 def _smooth(cells: tuple[int, ...], rng: Generator) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ from appocc.camera import CameraRig
 from appocc.checks import FloatArray
 from appocc.grid import BEVGrid
 from appocc.inference.second_stage.cell_network import PARTS
-from appocc.models.memory import ground_motion, is_linked, warp
+from appocc.models.memory import ground_motion, is_linked, sample_earlier
 from appocc.models.view_transform.planning import plan_sampling
 from appocc.models.view_transform.sampling import sample_features
 
@@ -76,16 +76,18 @@ class GroundColours:
         ground = self._completed(now, view)
         if not self._earlier or _driven_m(self._earlier[-1].world_from_ego, view) >= _APART_M:
             self._earlier.append(_Earlier(view.world_from_ego, now))
-        return functional.pixel_unshuffle(ground[:, :3], PARTS), functional.avg_pool2d(ground[:, 3:], PARTS)
+        return functional.pixel_unshuffle(ground[:, :3], PARTS), functional.avg_pool2d((ground[:, 3:] > 0).float(), PARTS)
 
     def _completed(self, ground: Tensor, view: GroundView) -> Tensor:
         """Return the ground (1, 4, 3X, 3Y) of a view with the unseen parts of the latest frame that saw them."""
-        parts = parts_of(view.grid)
+        parts, ground = parts_of(view.grid), ground.clone()
         for earlier in reversed(self._earlier):
-            motion = ground_motion(earlier.world_from_ego, view.world_from_ego)
-            moved = warp(earlier.ground, torch.from_numpy(motion)[None], parts)
-            moved[:, 3:] = (moved[:, 3:] > _ALL_SEEN).float()
-            ground = torch.where(ground[:, 3:] > 0, ground, moved * moved[:, 3:])
+            x, y = (ground[0, 3] == 0).nonzero(as_tuple=True)
+            points_m = torch.from_numpy(parts.centre_of(torch.stack([x, y], dim=-1).cpu().numpy()))
+            motion = torch.from_numpy(ground_motion(earlier.world_from_ego, view.world_from_ego))
+            there = sample_earlier(earlier.ground, points_m[None], motion[None], parts)[0, :, 0]  # 4 n
+            seen = there[3] > _ALL_SEEN
+            ground[0][:, x[seen], y[seen]] = there[:, seen]
         return ground
 
 
