@@ -76,7 +76,8 @@ class GroundColours:
         ground = self._completed(now, view)
         if not self._earlier or _driven_m(self._earlier[-1].world_from_ego, view) >= _APART_M:
             self._earlier.append(_Earlier(view.world_from_ego, now))
-        return functional.pixel_unshuffle(ground[:, :3], PARTS), functional.avg_pool2d((ground[:, 3:] > 0).float(), PARTS)
+        seen = (ground[:, 3:] > 0).float()
+        return functional.pixel_unshuffle(ground[:, :3], PARTS), functional.avg_pool2d(seen, PARTS)
 
     def _completed(self, ground: Tensor, view: GroundView) -> Tensor:
         """Return the ground (1, 4, 3X, 3Y) of a view with the unseen parts of the latest frame that saw them."""
