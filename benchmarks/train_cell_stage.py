@@ -1,6 +1,6 @@
 """Train the second stage of cells, which corrects road and lane of a map by its images, on simulated drives.
 
-python -m benchmarks.train_cell_stage ROOT [ROOT ...] [--out FILE] [--epochs 3] [--workers 2]
+python -m benchmarks.train_cell_stage ROOT [ROOT ...] [--out FILE] [--epochs 5] [--workers 2]
 
 Each ROOT is a dataset of `appocc simulate` in the towns of the training. The maps are those that the shipped network
 predicts there, once from the images as they are and once from those of another camera. The same seed gives the same
@@ -31,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--out", type=Path, default=CELL_WEIGHTS_FOLDER / f"{DEFAULT}.safetensors", help="weights file"
     )
-    parser.add_argument("--epochs", type=float, default=3.0)
+    parser.add_argument("--epochs", type=float, default=5.0)
     parser.add_argument("--versions", type=int, default=VERSIONS, help=f"of each simulated key frame ({VERSIONS})")
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args(arguments)

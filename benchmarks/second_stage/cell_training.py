@@ -23,6 +23,8 @@ from benchmarks.second_stage.training import Schedule, batches, optimised
 BATCH, RATE, WARMUP, EMA = 4, 4e-3, 0.05, 0.995
 # Weights of the losses of road and lane.
 _WEIGHTS = (1.0, 2.0)
+# Share of the training without doubtful logits and worn lines: the network first learns what a line is.
+_EASY = 0.6
 # Share of the examples in other colours, and of those with mixed channels, with all channels alike and with noise.
 _TONED, _MIXED, _GREY, _NOISY = 0.6, 0.3, 0.1, 0.2
 # Share of the examples with a sector that no camera sees, and its width.
@@ -47,7 +49,9 @@ class CellBatch(NamedTuple):
     known: Tensor
 
 
-def make_batch(examples: CellExamples, chosen: NDArray[np.int64], distance: Tensor, rng: Generator) -> CellBatch:
+def make_batch(
+    examples: CellExamples, chosen: NDArray[np.int64], distance: Tensor, rng: Generator, easy: bool = False
+) -> CellBatch:
     """Return a batch of some examples, augmented.
 
     Args:
@@ -55,12 +59,14 @@ def make_batch(examples: CellExamples, chosen: NDArray[np.int64], distance: Tens
         chosen: (B,) indices.
         distance: distances of `cell_distances`.
         rng: of the augmentation.
+        easy: whether no logits are doubtful and no lines worn.
     """
     turned = [_turned(examples, one, rng) for one in chosen.tolist()]
     for each in turned:
-        _wear(each, rng)
+        if not easy:
+            _wear(each, rng)
+            _doubt(each, rng)
         _hide(each, rng)
-        _doubt(each, rng)
     logits, rgb, seen, truth, known = (torch.from_numpy(np.stack(arrays)) for arrays in zip(*turned, strict=True))
     colours = torch.stack([_toned(each, rng) for each in rgb.float() / 255])
     inputs = CellInputs(logits.float(), colours, seen[:, None].float() / PARTS**2, distance)
@@ -164,10 +170,10 @@ def train_cells(examples: CellExamples, epochs: float, distance: Tensor, seed: i
     def losses() -> Iterator[Tensor]:
         order = batches(len(examples.seen), BATCH, rng)
         with ThreadPoolExecutor(1) as maker:
-            coming = maker.submit(make_batch, examples, next(order), distance, rng)
+            coming = maker.submit(make_batch, examples, next(order), distance, rng, True)
             for step in range(steps):
                 batch = coming.result()
-                coming = maker.submit(make_batch, examples, next(order), distance, rng)
+                coming = maker.submit(make_batch, examples, next(order), distance, rng, step < _EASY * steps)
                 loss = cell_loss(network(batch.inputs), batch)
                 yield loss
                 if step % 50 == 49:
