@@ -94,8 +94,8 @@ class _Memory(NamedTuple):
 class Predictor:
     """Predict the maps of a drive, one frame at a time.
 
-    For a network with memory, pass the frames in order of time and call `reset` before another drive. A break in time
-    or a jump of the pose resets the memory. A frame uses the memory of about one second ago: with shorter
+    With memory or a stage of cells, pass the frames in order of time and call `reset` before another drive. A break
+    in time or a jump of the pose resets the memory. A frame uses the memory of about one second ago: with shorter
     steps the errors of the network would feed themselves. The view-transform plan is reused while the rig stays the
     same. The network sees the cameras in the level frame of the ground; boxes are returned in the ego frame, which
     differs from it by a tilt of a few degrees at most, and the cells of the map in that of the ground.

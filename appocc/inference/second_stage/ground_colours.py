@@ -81,7 +81,7 @@ class GroundColours:
 
     def _completed(self, ground: Tensor, view: GroundView) -> Tensor:
         """Return the ground (1, 4, 3X, 3Y) of a view with the unseen parts of the latest frame that saw them."""
-        parts, ground = parts_of(view.grid), ground.clone()
+        parts, ground = _parts_of(view.grid), ground.clone()
         for earlier in reversed(self._earlier):
             x, y = (ground[0, 3] == 0).nonzero(as_tuple=True)
             points_m = torch.from_numpy(parts.centre_of(torch.stack([x, y], dim=-1).cpu().numpy()))
@@ -100,7 +100,7 @@ def _driven_m(world_from_past: FloatArray, view: GroundView) -> float:
     return float(np.hypot(*ground_motion(world_from_past, view.world_from_ego)[:, 2]))
 
 
-def parts_of(grid: BEVGrid) -> BEVGrid:
+def _parts_of(grid: BEVGrid) -> BEVGrid:
     """Return the grid of the parts of cells."""
     return replace(grid, cell_m=grid.cell_m / PARTS)
 
@@ -108,6 +108,6 @@ def parts_of(grid: BEVGrid) -> BEVGrid:
 def _seen_ground(view: GroundView) -> Tensor:
     """Return (1, 4, 3X, 3Y): colours, 0..1, of the ground in the images of a view, and 1 where a camera sees it."""
     high, wide = view.images.shape[2:]
-    plan = plan_sampling([view.rig], parts_of(view.grid), (0.0,), high, wide, 1, device=view.images.device)
+    plan = plan_sampling([view.rig], _parts_of(view.grid), (0.0,), high, wide, 1, device=view.images.device)
     rgb = sample_features(view.images.permute(0, 2, 3, 1), plan)
     return torch.cat([rgb, plan.seen[:, None].float()], dim=1)
