@@ -18,14 +18,14 @@ from appocc.files.store_requests import EmptyObjectError, StoreError, attempt, c
 
 
 class ObjectState(NamedTuple):
-    """What a store says about an object.
+    """State of an object in a store.
 
     Attributes:
-        url: its address.
-        size: number of bytes; None if a web server does not say.
-        is_folder: whether it is the common beginning of several names.
-        mark: changes with the content: its tag, else its time; '' if unknown.
-        mtime_ns: time of the last change, 0 if unknown.
+        url: URL of the object.
+        size: number of bytes; None if a web server does not send it.
+        is_folder: whether it is a prefix of object names.
+        mark: entity tag (ETag), else the time of the last change; '' if unknown.
+        mtime_ns: time of the last change, nanoseconds since 1970; 0 if unknown.
     """
 
     url: str

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import NamedTuple
 
 import cv2
@@ -170,10 +170,14 @@ def train_cells(examples: CellExamples, epochs: float, distance: Tensor, seed: i
     def losses() -> Iterator[Tensor]:
         order = batches(len(examples.seen), BATCH, rng)
         with ThreadPoolExecutor(1) as maker:
-            coming = maker.submit(make_batch, examples, next(order), distance, rng, True)
+
+            def batch_of(step: int) -> Future[CellBatch]:
+                return maker.submit(make_batch, examples, next(order), distance, rng, easy=step < _EASY * steps)
+
+            coming = batch_of(0)
             for step in range(steps):
                 batch = coming.result()
-                coming = maker.submit(make_batch, examples, next(order), distance, rng, step < _EASY * steps)
+                coming = batch_of(step + 1)
                 loss = cell_loss(network(batch.inputs), batch)
                 yield loss
                 if step % 50 == 49:
