@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -16,6 +16,8 @@ ROAD_SHARE = VEHICLE_SHARE = 0.5
 LANE_SHARE = 0.2
 # Tolerance for sides that run through the middle of cells and cover half of each.
 ROUNDING = 1e-9
+# Number of cells whose covers are computed at once.
+_CELLS_AT_ONCE = 200_000
 
 
 def polygon_cover(grid: BEVGrid, polygon_xy_m: FloatArray) -> Cover:
@@ -33,18 +35,25 @@ def polygon_cover(grid: BEVGrid, polygon_xy_m: FloatArray) -> Cover:
     corners = (polygon_xy_m - [grid.x_min_m, grid.y_min_m]) / grid.cell_m
     if len(corners) < 3 or (corners.max(axis=0) <= 0).any() or (corners.min(axis=0) >= [x, y]).any():
         return np.zeros((x, y))
-    pieces = _cut(corners, np.roll(corners, -1, axis=0), x, y)
-    run = np.diff(pieces[..., 0], axis=1).ravel()
-    middle = ((pieces[:, 1:] + pieces[:, :-1]) / 2).reshape(-1, 2)
+    return np.asarray(_covers(corners[None], x, y)[0])
+
+
+def _covers(corners: FloatArray, x: int, y: int) -> FloatArray:
+    """Return the covers (N, x, y) of polygons (N, K, 2), in cells of a grid."""
+    n, k = corners.shape[:2]
+    pieces = _cut(corners.reshape(-1, 2), np.roll(corners, -1, axis=1).reshape(-1, 2), x, y)
+    run = np.diff(pieces[..., 0], axis=1)
+    first_row = np.broadcast_to(np.repeat(np.arange(n) * x, k)[:, None], run.shape).ravel()
+    run, middle = run.ravel(), ((pieces[:, 1:] + pieces[:, :-1]) / 2).reshape(-1, 2)
     inside = (middle[:, 0] >= 0) & (middle[:, 0] < x) & (middle[:, 1] < y) & (run != 0)
     run, middle = run[inside], middle[inside]
-    row = middle[:, 0].astype(np.int64)
+    row = first_row[inside] + middle[:, 0].astype(np.int64)
     side = np.maximum(middle[:, 1], 0.0)  # parts before the grid cover the whole row
     column = side.astype(np.int64)
     beyond = side - column
-    size, place = x * (y + 1), row * (y + 1) + column
+    size, place = n * x * (y + 1), row * (y + 1) + column
     signed = np.bincount(place, run * (1 - beyond), size) + np.bincount(place + 1, run * beyond, size + 1)[:size]
-    return np.asarray(np.clip(np.abs(np.cumsum(signed.reshape(x, y + 1), axis=1)[:, :y]), 0.0, 1.0))
+    return np.asarray(np.clip(np.abs(np.cumsum(signed.reshape(n, x, y + 1), axis=2)[..., :y]), 0.0, 1.0))
 
 
 def polygon_owner(grid: BEVGrid, outlines_m: FloatArray, least: float) -> IntArray:
@@ -62,16 +71,26 @@ def polygon_owner(grid: BEVGrid, outlines_m: FloatArray, least: float) -> IntArr
     check_finite("outlines", outlines_m)
     best = np.full(grid.shape, least - ROUNDING)
     owner = np.full(grid.shape, -1, dtype=np.int64)
+    for i, box, cover in _covered_boxes(grid, outlines_m):
+        more = cover > best[box]
+        best[box][more], owner[box][more] = cover[more], i
+    return owner
+
+
+def _covered_boxes(grid: BEVGrid, outlines_m: FloatArray) -> Iterator[tuple[int, tuple[slice, slice], FloatArray]]:
+    """Yield index, bounding box in cells, and cover of the cells in it, of the polygons (N, K, 2) on a grid."""
     corners = (outlines_m - [grid.x_min_m, grid.y_min_m]) / grid.cell_m
     lows = np.clip(np.floor(corners.min(axis=1)), 0, grid.shape).astype(np.int64)
     highs = np.clip(np.floor(corners.max(axis=1)) + 1, 0, grid.shape).astype(np.int64)
-    for i in np.flatnonzero((lows < highs).all(axis=1)):
-        # Only the cells of its bounding box.
-        (x0, y0), (x1, y1) = lows[i].tolist(), highs[i].tolist()
-        cover = polygon_cover(BEVGrid(0.0, x1 - x0, 0.0, y1 - y0, 1.0), corners[i] - lows[i])
-        more = cover > best[x0:x1, y0:y1]
-        best[x0:x1, y0:y1][more], owner[x0:x1, y0:y1][more] = cover[more], i
-    return owner
+    on_grid = np.flatnonzero((lows < highs).all(axis=1))
+    if not len(on_grid):
+        return
+    x, y = (highs - lows)[on_grid].max(axis=0).tolist()
+    together = max(1, _CELLS_AT_ONCE // (x * y))
+    for some in np.split(on_grid, range(together, len(on_grid), together)):
+        for i, cover in zip(some.tolist(), _covers(corners[some] - lows[some, None], x, y), strict=True):
+            (x0, y0), (x1, y1) = lows[i].tolist(), highs[i].tolist()
+            yield i, (slice(x0, x1), slice(y0, y1)), cover[: x1 - x0, : y1 - y0]
 
 
 def vehicle_owner(grid: BEVGrid, boxes_ego: Boxes) -> IntArray:
@@ -96,10 +115,14 @@ def _cut(start: FloatArray, end: FloatArray, x: int, y: int) -> FloatArray:
 
 def line_cover(grid: BEVGrid, line_xy_m: List2, width_m: float) -> Cover:
     """Return the share (X, Y) of each cell under a polyline (K, 2) with a width; segments add up, to 1 at most."""
-    cover = np.zeros(grid.shape)
-    for a, b in pairwise(line_xy_m):
-        length = float(np.hypot(*(b - a)))
-        if length > 0:
-            across = np.array([a[1] - b[1], b[0] - a[0]]) / length * (width_m / 2)
-            cover += polygon_cover(grid, np.stack([a + across, b + across, b - across, a - across]))
-    return np.minimum(cover, 1.0)
+    check_shape("line", line_xy_m, (None, 2))
+    check_finite("line", line_xy_m)
+    step = np.diff(line_xy_m, axis=0)
+    length = np.hypot(*step.T)
+    start, step, length = line_xy_m[:-1][length > 0], step[length > 0], length[length > 0, None]
+    across = np.stack([-step[:, 1], step[:, 0]], axis=1) / length * (width_m / 2)
+    outlines_m = np.stack([start + across, start + step + across, start + step - across, start - across], axis=1)
+    total = np.zeros(grid.shape)
+    for _, box, cover in _covered_boxes(grid, outlines_m):
+        total[box] += cover
+    return np.minimum(total, 1.0)

@@ -15,7 +15,7 @@ from appocc.files import read_image
 from appocc.geometry import apply, inverse
 from appocc.groundtruth.bodywork import BodyworkSamples, estimate_exposure, estimate_paint, extract_bodywork
 from appocc.groundtruth.inputs import SampleInput
-from appocc.groundtruth.visibility import DepthImage, image_rectangle, ray_box_entry
+from appocc.groundtruth.visibility import DepthImage, ImageRectangles, image_rectangles, ray_box_entry
 from appocc.nuscenes.lidar import read_lidar
 
 PaintMethod = Literal["mode", "robust"]
@@ -51,46 +51,80 @@ class BoxColours(NamedTuple):
 _NO_PIXELS = BoxPixels(np.zeros((0, 3), np.uint8), np.zeros(0), 0.0)
 
 
-def box_pixels(
-    image: ByteArray,
-    camera: Camera,
-    world_from_cam: FloatArray,
-    boxes_world: Boxes,
-    target: int,
-    depth: DepthImage | None,
-) -> BoxPixels:
+class BoxView(NamedTuple):
+    """N boxes in an image.
+
+    Attributes:
+        image: (H, W, 3) uint8 sRGB.
+        camera: its camera.
+        frame_from_cam: (4, 4) camera pose in the frame of the boxes.
+        boxes: N boxes.
+        depth_m: (N, 2) smallest and largest depth of their corners.
+        rectangles: their image regions.
+    """
+
+    image: ByteArray
+    camera: Camera
+    frame_from_cam: FloatArray
+    boxes: Boxes
+    depth_m: FloatArray
+    rectangles: ImageRectangles
+
+    @classmethod
+    def project(cls, image: ByteArray, camera: Camera, frame_from_cam: FloatArray, boxes: Boxes) -> BoxView:
+        """Project boxes into an image."""
+        corners_cam = apply(inverse(frame_from_cam), boxes.corners())
+        depth_m = np.stack([corners_cam[..., 2].min(axis=1), corners_cam[..., 2].max(axis=1)], axis=1)
+        return cls(image, camera, frame_from_cam, boxes, depth_m, image_rectangles(camera, corners_cam))
+
+    def entry(self, rays: FloatArray, number: int) -> FloatArray:
+        """Return the depths (P,) at which rays (P, 3) from the camera enter a box, infinite if they miss it."""
+        boxes = self.boxes
+        return ray_box_entry(
+            self.frame_from_cam[:3, 3], rays, boxes.frame_from_box(number), boxes.half_lwh_m()[number]
+        )
+
+    def possible_occluders(self, target: int) -> list[int]:
+        """Return the boxes that overlap a box in the image and start in front of its farthest corner."""
+        low, high, shown = self.rectangles
+        overlap = ((low < high[target]) & (low[target] < high)).all(axis=1)
+        possible = shown & overlap & (self.depth_m[:, 0] <= self.depth_m[target, 1])
+        possible[target] = False
+        return np.flatnonzero(possible).tolist()
+
+
+def box_pixels(view: BoxView, target: int, depth: DepthImage | None) -> BoxPixels:
     """Return the pixels that show box `target`: where LiDAR points are inside it, else where it is not occluded.
 
     Pixels whose LiDAR depth is beyond the box (next to the bonnet, through glass) show something else. Without LiDAR
     depth, or without points in the box, other boxes occlude it as solid bodies.
     """
-    eye = world_from_cam[:3, 3]
-    corners_cam = apply(inverse(world_from_cam), boxes_world.corners())
-    rectangle = image_rectangle(camera, corners_cam[target])
-    if rectangle is None:
+    low, high, shown = (bound[target] for bound in view.rectangles)
+    if not shown:
         return _NO_PIXELS
-    uv = _grid_of_pixels(*rectangle)
-    sample_px = float(np.prod(rectangle[1] - rectangle[0])) / len(uv)
-    rays = _rays(camera, world_from_cam, uv)
-    where = _entry(eye, rays, boxes_world, target)
+    eye, boxes = view.frame_from_cam[:3, 3], view.boxes
+    uv = _grid_of_pixels(low, high)
+    sample_px = float(np.prod(high - low)) / len(uv)
+    rays = _rays(view.camera, view.frame_from_cam, uv)
+    where = view.entry(rays, target)
     hit = np.isfinite(where)
     uv, rays, where = uv[hit], rays[hit], where[hit]
     if len(uv) < MIN_PIXELS:
         return _NO_PIXELS
     free = np.ones(len(uv), dtype=np.bool_)
-    for other in _possible_occluders(camera, corners_cam, target, rectangle):
-        free &= _entry(eye, rays, boxes_world, other) > where
+    for other in view.possible_occluders(target):
+        free &= view.entry(rays, other) > where
     if depth is not None:
         swept = depth.depth_m(uv)
-        points_world = eye + rays * np.where(np.isfinite(swept), swept, 0.0)[:, None]
-        on = boxes_world.select(np.array([target])).inside(points_world, _BOX_MARGIN_M) & np.isfinite(swept)
+        points = eye + rays * np.where(np.isfinite(swept), swept, 0.0)[:, None]
+        on = boxes.select(np.array([target])).inside(points, _BOX_MARGIN_M) & np.isfinite(swept)
         free = on | (free & np.isinf(swept)) if on.sum() >= MIN_PIXELS else free & ~depth.occludes(uv, where)
         where = np.where(on, swept, where)
     uv, rays, where = uv[free], rays[free], where[free]
-    local = apply(inverse(boxes_world.frame_from_box(target)), eye + rays * where[:, None])
-    height = np.clip(local[:, 2] / boxes_world.size_wlh_m[target, 2] + 0.5, 0.0, 1.0)
+    local = apply(inverse(boxes.frame_from_box(target)), eye + rays * where[:, None])
+    height = np.clip(local[:, 2] / boxes.size_wlh_m[target, 2] + 0.5, 0.0, 1.0)
     column, row = uv.astype(np.int64).T
-    return BoxPixels(image[row, column], height, sample_px)
+    return BoxPixels(view.image[row, column], height, sample_px)
 
 
 def _grid_of_pixels(low: FloatArray, high: FloatArray) -> FloatArray:
@@ -99,28 +133,10 @@ def _grid_of_pixels(low: FloatArray, high: FloatArray) -> FloatArray:
     return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2).astype(np.float64)
 
 
-def _rays(camera: Camera, world_from_cam: FloatArray, uv_px: FloatArray) -> FloatArray:
-    """Return world-frame ray directions (N, 3) through pixels (N, 2), scaled to one metre of depth."""
+def _rays(camera: Camera, frame_from_cam: FloatArray, uv_px: FloatArray) -> FloatArray:
+    """Return ray directions (N, 3) through pixels (N, 2) in a frame, scaled to one metre of depth."""
     homogeneous = np.hstack([uv_px, np.ones((len(uv_px), 1))])
-    return np.asarray(homogeneous @ np.linalg.inv(camera.intrinsic).T @ world_from_cam[:3, :3].T)
-
-
-def _entry(eye: FloatArray, rays: FloatArray, boxes: Boxes, i: int) -> FloatArray:
-    return ray_box_entry(eye, rays, boxes.frame_from_box(i), boxes.half_lwh_m()[i])
-
-
-def _possible_occluders(
-    camera: Camera, corners_cam: FloatArray, target: int, rectangle: tuple[FloatArray, FloatArray]
-) -> list[int]:
-    """Return the boxes that overlap the target in the image and start in front of its farthest corner."""
-    found = []
-    for i, corners in enumerate(corners_cam):
-        if i == target or corners[:, 2].min() > corners_cam[target, :, 2].max():
-            continue
-        other = image_rectangle(camera, corners)
-        if other is not None and (other[0] < rectangle[1]).all() and (rectangle[0] < other[1]).all():
-            found.append(i)
-    return found
+    return np.asarray(homogeneous @ np.linalg.inv(camera.intrinsic).T @ frame_from_cam[:3, :3].T)
 
 
 def histogram_mode(pixels: BoxPixels) -> ByteArray:
@@ -175,10 +191,14 @@ def _visible_boxes(
         raw = read_lidar(path)[:, :3]
         points = apply(world_from_lidar, raw[np.isfinite(raw).all(axis=1)])
         depths = [DepthImage(apply(inverse(view.world_from_cam), points), view.camera) for view in sample.views]
+    shown = [
+        BoxView.project(image, view.camera, view.world_from_cam, view.boxes_world)
+        for image, view in zip(images, sample.views, strict=True)
+    ]
     for i in np.flatnonzero(selected).tolist():
         views = []
-        for image, view, depth, light in zip(images, sample.views, depths, lights, strict=True):
-            pixels = box_pixels(image, view.camera, view.world_from_cam, view.boxes_world, i, depth)
+        for view, depth, light in zip(shown, depths, lights, strict=True):
+            pixels = box_pixels(view, i, depth)
             if len(pixels.rgb):
                 views.append((pixels, view.camera.channel, light))
         if views:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import reduce
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -19,6 +20,8 @@ _COLUMN_RAD, _ROW_RAD = 1 / 160, 1 / 1000
 # Largest angle between neighbouring rings of one surface (nuScenes' 32 beams are 1.33 degrees apart).
 _RING_GAP_RAD = np.deg2rad(1.7)
 _RELATIVE_SLACK, _SLACK_M = 0.04, 0.2
+# Corners of boxes that are nearer are behind the camera.
+_LEAST_DEPTH_M = 0.1
 
 
 class DepthImage:
@@ -92,19 +95,26 @@ def ray_box_entry(origin: Vector3, directions: List3, frame_from_box: Transform,
     return np.where((enter <= leave) & (leave > 0), np.maximum(enter, 0.0), np.inf)
 
 
-def image_rectangle(camera: Camera, corners_cam: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Return lower and upper pixel bounds (2,) of the corners (8, 3) of a box in the camera frame.
+class ImageRectangles(NamedTuple):
+    """Image regions of N boxes: lower and upper pixel bounds (N, 2), and (N,) whether the image shows the box."""
 
-    The whole image if a part of the box is behind the camera, None if the box is outside the image.
+    low: FloatArray
+    high: FloatArray
+    shown: BoolArray
+
+
+def image_rectangles(camera: Camera, corners_cam: FloatArray) -> ImageRectangles:
+    """Return the regions around the corners (N, 8, 3) of boxes in the camera frame.
+
+    The whole image if a part of the box is behind the camera.
     """
-    if corners_cam[:, 2].max() <= 0.1:
-        return None
+    depth = corners_cam[..., 2]
     size = np.array([camera.width_px, camera.height_px], dtype=np.float64)
-    if corners_cam[:, 2].min() <= 0.1:
-        return np.zeros(2), size
-    uv, _ = camera.project(corners_cam)
-    low, high = np.clip(uv.min(axis=0), 0, size), np.clip(uv.max(axis=0) + 1, 0, size)
-    return (low, high) if (high > low).all() else None
+    uv = camera.project(corners_cam.reshape(-1, 3))[0].reshape(*depth.shape, 2)
+    beside = (depth.min(axis=1) <= _LEAST_DEPTH_M)[:, None]
+    low = np.where(beside, 0.0, np.clip(uv.min(axis=1), 0, size))
+    high = np.where(beside, size, np.clip(uv.max(axis=1) + 1, 0, size))
+    return ImageRectangles(low, high, (depth.max(axis=1) > _LEAST_DEPTH_M) & (high > low).all(axis=1))
 
 
 def occluded_by_boxes(
@@ -121,12 +131,9 @@ def occluded_by_boxes(
     grown = replace(boxes_world, size_wlh_m=boxes_world.size_wlh_m + 2 * margin_m)
     corners_cam = apply(inverse(world_from_cam), grown.corners())
     halves = grown.half_lwh_m()
-    for i in range(len(grown)):
-        rectangle = image_rectangle(camera, corners_cam[i])
-        if rectangle is None:
-            continue
-        low, high = rectangle[0] - 1, rectangle[1] + 1
-        near = np.flatnonzero(~hidden & ((uv_px >= low) & (uv_px <= high)).all(axis=1))
+    low, high, shown = image_rectangles(camera, corners_cam)
+    for i in np.flatnonzero(shown).tolist():
+        near = np.flatnonzero(~hidden & ((uv_px >= low[i] - 1) & (uv_px <= high[i] + 1)).all(axis=1))
         if len(near):
             entry = ray_box_entry(eye, points_world[near] - eye, grown.frame_from_box(i), halves[i])
             hidden[near] = entry < 1.0

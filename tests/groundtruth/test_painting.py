@@ -19,6 +19,7 @@ from appocc.groundtruth.inputs import PosedImage, SampleInput, gather_inputs
 from appocc.groundtruth.painting import (
     BoxColours,
     BoxPixels,
+    BoxView,
     PaintMethod,
     bodywork_by_box,
     box_pixels,
@@ -91,7 +92,7 @@ def seen(every: list[Solid], annotated: list[Solid], channel: str = "CAM_FRONT")
 
 def pixels_of(image: ByteArray, view: PosedImage, every: Boxes, target: int, depth: DepthImage | None) -> BoxPixels:
     """The pixels of a photograph that show a box."""
-    return box_pixels(image, view.camera, view.world_from_cam, every, target, depth)
+    return box_pixels(BoxView.project(image, view.camera, view.world_from_cam, every), target, depth)
 
 
 def painted_of(sample: SampleInput, wanted: BoolArray, how: PaintMethod) -> BoxColours:

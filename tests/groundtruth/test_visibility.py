@@ -10,7 +10,7 @@ from appocc.boxes import Boxes
 from appocc.camera import Camera
 from appocc.checks import BoolArray, FloatArray
 from appocc.geometry import apply, inverse, quaternion_from_rotation, quaternion_from_yaw, transform
-from appocc.groundtruth.visibility import DepthImage, image_rectangle, occluded_by_boxes, ray_box_entry
+from appocc.groundtruth.visibility import DepthImage, image_rectangles, occluded_by_boxes, ray_box_entry
 
 LIDAR = np.array([0.9, 0.0, 1.84])
 # Elevations of nuScenes' 32 beams, and of 64 beams as PandaSet's: dense about the horizon, sparse below.
@@ -201,9 +201,14 @@ def corners_of(*row: float) -> FloatArray:
     return apply(inverse(camera().ego_from_cam), corners)
 
 
+def image_rectangle(corners: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    low, high, shown = image_rectangles(camera(), corners[None])
+    return (low[0], high[0]) if shown[0] else None
+
+
 def test_image_rectangle_holds_all_corners() -> None:
     corners = corners_of(15, 1, 0.75, 4, 2, 1.5, 0.3)
-    rectangle = image_rectangle(camera(), corners)
+    rectangle = image_rectangle(corners)
     assert rectangle is not None
     uv, _ = camera().project(corners)
     assert (uv >= rectangle[0]).all()
@@ -212,8 +217,8 @@ def test_image_rectangle_holds_all_corners() -> None:
 
 
 def test_image_rectangle_of_boxes_out_of_sight_or_beside_the_camera() -> None:
-    assert image_rectangle(camera(), corners_of(-15, 0, 0.75, 4, 2, 1.5, 0)) is None
-    assert image_rectangle(camera(), corners_of(15, 40, 0.75, 4, 2, 1.5, 0)) is None
-    whole = image_rectangle(camera(), corners_of(2, 2, 0.75, 4, 2, 1.5, 0))
+    assert image_rectangle(corners_of(-15, 0, 0.75, 4, 2, 1.5, 0)) is None
+    assert image_rectangle(corners_of(15, 40, 0.75, 4, 2, 1.5, 0)) is None
+    whole = image_rectangle(corners_of(2, 2, 0.75, 4, 2, 1.5, 0))
     assert whole is not None
     assert np.array(whole).tolist() == [[0, 0], [1600, 900]]

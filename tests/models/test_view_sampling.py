@@ -13,7 +13,7 @@ from appocc.camera import Camera, CameraRig
 from appocc.errors import ShapeError
 from appocc.geometry import transform
 from appocc.grid import BEVGrid
-from appocc.models.view_transform import planning
+from appocc.models.view_transform import planning, sampling
 from appocc.models.view_transform.planning import plan_sampling
 from appocc.models.view_transform.sampling import SamplingPlan, sample_features
 from appocc.rigs import read_rig
@@ -170,9 +170,10 @@ def test_several_rigs_planned_at_once_as_on_a_gpu_get_the_same_plan(
         assert len(planning._groups(asked, torch.device("cuda"))) == groups
         with monkeypatch.context() as patched:
             patched.setattr(planning, "_groups", lambda keys, device: groups_of(keys, torch.device("cuda")))
-            patched.setattr(planning, "_transposed", planning._by_sorting)
+            patched.setattr(sampling, "_by_counting", sampling._by_sorting)
             planning._plan_rigs.cache_clear()
             found = plan_sampling(rigs, GRID, HEIGHTS_M, H, W, STRIDE, depths)
+            assert len(found.spread.offsets) == found.rows
         planning._plan_rigs.cache_clear()
         for one_table, other in ((found.read, expected.read), (found.spread, expected.spread)):
             assert all(torch.equal(a, b) for a, b in zip(one_table, other, strict=True))
@@ -183,7 +184,7 @@ def test_several_rigs_planned_at_once_as_on_a_gpu_get_the_same_plan(
 def test_plans_move_to_a_device() -> None:
     plan = planned(rig("CAM_BACK")).for_export().to(torch.device("meta"))
     assert plan.slots is not None
-    assert {each.device.type for each in (*plan.read, *plan.spread, plan.count, plan.seen, *plan.slots)} == {"meta"}
+    assert {each.device.type for each in (*plan.read, plan.count, plan.seen, *plan.slots)} == {"meta"}
 
 
 def test_features_of_another_size_are_refused() -> None:

@@ -14,7 +14,7 @@ from appocc.camera import Camera
 from appocc.checks import ByteArray, FloatArray
 from appocc.colours import LUMINANCE
 from appocc.groundtruth.bodywork import estimate_exposure, estimate_paint, extract_bodywork
-from appocc.groundtruth.painting import MIN_PIXELS, box_pixels
+from appocc.groundtruth.painting import MIN_PIXELS, BoxView, box_pixels
 from appocc.objects import BEVObjects
 from appocc.srgb import encode_srgb, linear_from_srgb
 
@@ -37,13 +37,12 @@ def paint_from_images(objects: BEVObjects, images: ByteArray, cameras: Iterable[
     """
     chosen = np.flatnonzero(objects.are_vehicles & (objects.score >= _LEAST_SCORE))
     boxes, rgb = objects.select(chosen).boxes, objects.rgb.copy()
-    pictures = images.transpose(0, 2, 3, 1)
-    views = [(image, camera, estimate_exposure(image)) for image, camera in zip(pictures, cameras, strict=True)]
+    views = [
+        (BoxView.project(image, camera, camera.ego_from_cam, boxes), estimate_exposure(image))
+        for image, camera in zip(images.transpose(0, 2, 3, 1), cameras, strict=True)
+    ]
     for number, own in enumerate(chosen.tolist()):
-        shown = [
-            (box_pixels(image, camera, camera.ego_from_cam, boxes, number, None), light)
-            for image, camera, light in views
-        ]
+        shown = [(box_pixels(view, number, None), light) for view, light in views]
         seen = [(pixels, light) for pixels, light in shown if len(pixels.rgb) >= MIN_PIXELS]
         if seen:
             paint = estimate_paint([extract_bodywork(*pixels, light, _SAME_EXPOSURE) for pixels, light in seen])

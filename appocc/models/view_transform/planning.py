@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy import sparse
 from torch import Tensor
 
 from appocc.camera import Camera, CameraRig
@@ -18,7 +17,7 @@ from appocc.errors import ShapeError
 from appocc.geometry import inverse
 from appocc.grid import BEVGrid
 from appocc.models.base import DEPTH_BINS, DEPTH_STEP_M, FIRST_DEPTH_M
-from appocc.models.view_transform.sampling import RowSums, SamplingPlan
+from appocc.models.view_transform.sampling import RowSums, SamplingPlan, first_entries
 
 HEIGHTS_M = (0.0, 0.6, 1.3)
 _NEAREST_M = 0.1
@@ -62,11 +61,10 @@ def plan_sampling(
     heights = tuple(map(float, heights_m))
     groups = _groups(tuple(map(_key, rigs)), device)
     plans = [_plan_rigs(group, grid, heights, h, w, stride, depths, device) for group in groups]
-    rows = [len(plan.spread.offsets) for plan in plans]
-    bags = [len(plan.read.offsets) for plan in plans]
+    rows = [plan.rows for plan in plans]
     return SamplingPlan(
         _concatenate([plan.read for plan in plans], rows),
-        _concatenate([plan.spread for plan in plans], bags),
+        sum(rows),
         torch.cat([plan.count for plan in plans]),
         tuple(map(len, rigs)),
         len(heights),
@@ -139,36 +137,13 @@ def _plan_rigs(
     if depths:
         corner, share = _depth_corners(corner, share, uvd[2])
     count = torch.bincount(bag, minlength=bags)
-    read = RowSums(corner.flatten(), _starts(corner.shape[1] * count), (share / count[bag][:, None]).flatten())
+    read = RowSums(corner.flatten(), first_entries(corner.shape[1] * count), (share / count[bag][:, None]).flatten())
     on_ground = count.reshape(len(rigs), *grid.shape, len(heights_m))[..., int(np.argmin(np.abs(heights_m)))]
-    spread = _transposed(read, bag.to(torch.int32).repeat_interleave(corner.shape[1]), rows)
     cameras = tuple(map(len, rigs))
-    return SamplingPlan(read, spread, on_ground[:, None].float(), cameras, len(heights_m), corner.shape[1])
+    return SamplingPlan(read, rows, on_ground[:, None].float(), cameras, len(heights_m), corner.shape[1])
 
 
-def _starts(lengths: Tensor) -> Tensor:
-    """Return the int32 first entry of each bag, of the lengths of the bags."""
-    return (lengths.cumsum(0) - lengths).to(torch.int32)
-
-
-def _transposed(read: RowSums, bag: Tensor, rows: int) -> RowSums:
-    """Return the transpose of row sums with the bag of each entry: a bag for each of `rows` rows."""
-    return _by_counting(read, rows) if bag.device.type == "cpu" else _by_sorting(read, bag, rows)
-
-
-def _by_counting(read: RowSums, rows: int) -> RowSums:
-    """Return the transpose; on a CPU several times faster than by sorting."""
-    ends = np.append(read.offsets.numpy(), np.int32(len(read.rows)))
-    table = (read.weights.numpy(), read.rows.numpy(), ends)
-    back = sparse.csr_matrix(table, shape=(len(read.offsets), rows)).tocsc()
-    return RowSums(*(torch.from_numpy(each) for each in (back.indices, back.indptr[:-1], back.data)))
-
-
-def _by_sorting(read: RowSums, bag: Tensor, rows: int) -> RowSums:
-    order = torch.argsort(read.rows, stable=True)
-    return RowSums(bag[order], _starts(torch.bincount(read.rows, minlength=rows)), read.weights[order])
-
-
+@lru_cache(maxsize=1)  # features and their depths are sampled at the same points
 def _visible_points(
     rigs: tuple[_RigKey, ...], grid: BEVGrid, heights_m: tuple[float, ...], device: torch.device
 ) -> tuple[Tensor, Tensor, Tensor]:
