@@ -160,7 +160,7 @@ def _turn_beyond(requests: Sequence[Request], scene: SceneModel) -> Sequence[Req
     """Return steps in which turning around comes beyond the vehicle ahead of us at which the next step ends."""
     turned = list(requests)
     for i, (step, following) in enumerate(pairwise(requests)):
-        alone = step.query.direction == "around" and step.query.referent is None
+        alone = step.query.direction == "around" and step.query.referent is None and not step.query.secondary
         if not alone or following.query.referent is None:
             continue
         found = _resolve(following, scene, MAX_CANDIDATES)
@@ -254,6 +254,8 @@ def answer_step(
     if road is None:
         raise AppoccError("grounder: expected a scene with a map, got one without")
     resolution = _resolve(request, scene, limit)
+    if resolution.status != "ok" and request.query.action == "slow_down" and request.query.relation == "none":
+        return answer_step(_without_referent(request, resolution), scene, limit, start)
     reasons = (*resolution.reasons, *reading.notes, *_tell_dropped(reading))
     make = partial(Answer, reading=reading, scene=scene, candidates=resolution.candidates, dropped=reading.dropped)
     if resolution.status != "ok":
@@ -313,6 +315,13 @@ def _resolve(request: Request, scene: SceneModel, limit: int) -> Resolution:
     if request.chosen is None:
         return resolve(request.query, without(scene, request.ruled_out), limit)
     return Resolution("ok", (with_partner(request.chosen, request.query, scene),), ())
+
+
+def _without_referent(request: Request, resolution: Resolution) -> Request:
+    """Return a step without its vehicle, which only told why: "slow down, there's a bus"."""
+    reading, query = request.reading, replace(request.query, referent=None, landmark=None)
+    notes = (*reading.notes, *resolution.reasons)
+    return replace(request, reading=replace(reading, query=query, steps=(query,), notes=notes))
 
 
 def _with_sought(request: Request, scene: SceneModel) -> Request:

@@ -122,6 +122,9 @@ def answer_sentence(talk: Conversation, text: str) -> Answer:
     before = talk.state
     if before.goal is not None and _ASKS_PLAN.match(text.strip()):
         return tell_goal(talk, text)
+    waits = before.goal is not None and before.goal.pace == "standing" and before.question is None
+    if waits and talk.read(text).query.manoeuvre == "onward":
+        return answer_command(talk, text, text)  # "carry on" ends a wait
     reply = read_reply(text, talk.grounder.lexicon)
     guess = read_turn(talk, text, reply)
     turn = guess if guess is not None and guess.is_sure else None

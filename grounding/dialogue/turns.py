@@ -232,11 +232,13 @@ class Turn:
         if relation == side == NONE and self.distance_m is None:
             return None
         slots: dict[str, Any] = {"goal_side": None if side == NONE else side}
-        if relation != NONE:
+        named = self.best("noun") != NONE or self.best("colour") != NONE
+        if relation == "opposite" and not named and antecedent is None:
+            slots |= {"road_side": "opposite"}  # "on the other side", without a vehicle
+        elif relation != NONE:
             slots |= {"relation": relation, "landmark": "referent"}
         if self.distance_m is not None:
             slots |= {"distance_m": self.distance_m, "distance_of": "referent"}
-        named = self.best("noun") != NONE or self.best("colour") != NONE
         return Query(text, referent=self.described(antecedent) if named else None, **slots)
 
 

@@ -24,6 +24,8 @@ _QUEUE_M, _ON_M = 15.0, 12.0
 _OVER_M = 0.5
 _PAST = ("past", "opposite")
 _INSIDE = ("in", "into", "on")
+# Actions that drive on: "go through the lights" ends past them.
+_ON_THE_WAY = ("other", "drive_past", "overtake")
 # Beyond a stop line is where nobody stops: "behind" it is short of it.
 _LINES = ("stop line", "traffic light", "stop sign")
 # Cost of a metre to a place in a car park.
@@ -46,9 +48,10 @@ def propose_at_landmark(query: Query, part: Landmark, road: RoadMap) -> tuple[li
         return None, [f"no {kind} is known here: the map does not show any"]
     if kind == "car park":
         return _propose_in_car_park(query, road)
-    if part.relation in _INSIDE and query.action != "turn":
+    through = part.relation in _INSIDE and query.action in _ON_THE_WAY
+    if part.relation in _INSIDE and query.action != "turn" and not through:
         return None, [f"a {kind} is to be kept free: no place on it will do"]
-    past = part.relation in _PAST or (part.relation == "behind" and kind not in _LINES)
+    past = through or part.relation in _PAST or (part.relation == "behind" and kind not in _LINES)
     front_m = road.ego.length_m / 2
     spans = [one for one in road.landmarks.spans(kind, road.ego_lane) if _is_ahead(one, past, front_m)]
     number = next((ORDINALS[word] - 1 for word in part.qualifiers if word in ORDINALS), 0)
@@ -62,6 +65,9 @@ def propose_at_landmark(query: Query, part: Landmark, road: RoadMap) -> tuple[li
         how = "past" if past else "before" if part.relation == "before" else "at"
         found, more = propose_side_road(road, query.direction, (span.near_m + span.far_m) / 2, how)
         return found, [*reasons, *more]
+    if query.direction == "around":
+        ahead_m = span.far_m if past else span.near_m if part.relation == "before" else (span.near_m + span.far_m) / 2
+        return ego_lane.propose_turned_around(road, ahead_m), reasons
     return _propose_along(query, span, past, kind, road), reasons
 
 

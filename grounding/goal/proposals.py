@@ -50,6 +50,7 @@ _REFUSALS = {
     "double_park": "a second row blocks the lane: we stop at the kerb",
     "push": "another vehicle is not to be touched: we wait behind it or drive around it",
 }
+_WHICH_WAY = "the command does not say which way to turn"
 _OFF_ROAD_NOUNS = ("pavement", "sidewalk", "footpath")
 
 # Candidate sets are None if the command asks for no place.
@@ -75,6 +76,10 @@ def propose_candidates(
         sign = 1.0 if query.goal_side == "left" else -1.0
         found = [_keep_side(each, road, sign) for each in found]
         reasons.append(f"only places on our {query.goal_side} count")
+    if found is not None and query.manoeuvre == "back" and query.action not in PARKING:
+        found = [_keep_behind(each, road) for each in found]
+        if not any(len(each.cells) for each in found):
+            return None, ["driving backwards does not lead there: it is not behind us"]
     if query.distance_m is not None and query.distance_of == "ego":
         reasons.append(f"the {query.distance_m:.0f} m to go are not held: the vehicle says where")
     return found, reasons
@@ -121,6 +126,8 @@ def _propose_with(query: Query, road: RoadMap, item: SceneObject, partner: Scene
         along_m, _ = ReferenceVehicle(item, road, 0.0).lane_position
         how = relation if relation in ("past", "before") else "at"
         return propose_side_road(road, query.direction, along_m, how)
+    if action == "turn" and query.direction is None:
+        return None, [_WHICH_WAY]
     if query.direction == "around":
         beyond_m = ReferenceVehicle(item, road, 0.0).lane_position[0] + item.length_m / 2 + _TURN_BEYOND_M
         return ego_lane.propose_turned_around(road, beyond_m if relation == "past" else _TURN_M), []
@@ -170,7 +177,8 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
         found = ego_lane.propose_at_edge(road, side or "right", ahead)
         return [*found, *_propose_beyond_lane_end(road, ahead)], _note_lane_end(road, ahead.preferred_m)
     ranges = {"stop": _STOP_M, "slow_down": _SLOW_M, "avoid": _SLOW_M}
-    if action in ("turn", "other") and (query.direction == "straight" or query.manoeuvre == "onward"):
+    goes_on = query.direction == "straight" or query.manoeuvre == "onward" or query.distance_m is not None
+    if action in ("turn", "other") and goes_on:
         ranges[action] = _ON_M
     if action in ranges:
         ahead = _distance_ahead(query, ranges[action])
@@ -179,7 +187,7 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
     if action in ("wait", "give_way"):
         return ego_lane.propose_here(road), []
     if action == "turn":
-        return None, ["the command does not say which way to turn"]
+        return None, [_WHICH_WAY]
     if action == "other":
         return None, ["the command names no place to go to"]
     return None, [f"the command names no vehicle to {(action or '').replace('_', ' ')}"]
@@ -204,6 +212,12 @@ def _note_lane_end(road: RoadMap, before_m: float) -> list[str]:
     """Return a note if the ego lane ends before a distance."""
     end_m = road.ego_lane.end_m
     return [f"our lane ends {max(end_m, 0.0):.0f} m ahead"] if end_m < before_m + 1.0 else []
+
+
+def _keep_behind(candidates: CandidateSet, road: RoadMap) -> CandidateSet:
+    """Return the candidates behind the pose at the start."""
+    offset_m = road.grid.centre_of(candidates.cells) - road.start.xy_m
+    return candidates.subset(offset_m @ road.start.ahead < 0)
 
 
 def _keep_side(candidates: CandidateSet, road: RoadMap, sign: float) -> CandidateSet:

@@ -124,6 +124,10 @@ def _changed(reading: Reading, changes: dict[str, Any], revision: Revision) -> R
         for step in reading.steps
         if _is_main(step, reading.query) or _is_commanded(step, reading.query, query)
     )
+    left = [i for i, step in enumerate(steps) if step.action in reading.query.actions]
+    if len(steps) < len(reading.steps) and len(left) == 1:  # it has what the struck step said of the place
+        i = left[0]
+        steps = (*steps[:i], replace(query, trigger=steps[i].trigger), *steps[i + 1 :])
     return replace(reading, query=query, steps=steps, revised=revision.changed)
 
 

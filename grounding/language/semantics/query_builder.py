@@ -41,6 +41,8 @@ from grounding.vocabulary import ORDINALS, REFUSED, RELATIONS, Action, Manoeuvre
 
 # Relations without a place.
 _NOT_SPATIAL = ("with", "of", "for", "object")
+# Verbs that, alone, ask to drive on.
+_GOING = ("go", "drive", "move")
 # Endings of plurals -> of singulars, the first match counts.
 _PLURALS: tuple[tuple[str, str], ...] = (
     ("people", "person"),
@@ -116,7 +118,7 @@ def _query(
     side = next((intent.frame.side for intent in by_priority if intent.frame.side), None)
     by_traffic = side in get_args(RoadSide)
     trigger = next((intent.frame.event for intent in by_priority if intent.frame.event), None)
-    return Query(
+    query = Query(
         command=text,
         action=cast(Action, main.intent.action),
         actions=cast(tuple[Action, ...], tuple(_actions(commands))),
@@ -136,6 +138,8 @@ def _query(
         sought=_sought(discourse, main.intent) if referent is None else None,
         count=next((count for intent in by_priority if (count := _count(intent)) is not None), None),
     )
+    goes = frame.verb_class in _GOING and query == Query(text, action="other", actions=("other",))
+    return replace(query, manoeuvre="onward") if goes else query  # "okay, go"
 
 
 def _manoeuvre(intents: Sequence[Intent]) -> str | None:

@@ -63,7 +63,12 @@ def _is_contained(step: Query, steps: Sequence[tuple[bool, Query]], at: int) -> 
     if step.action == "avoid":  # "pull over behind it, but stay well back"
         return any(step.referent is None or _same_vehicle(step, other) for _, other in steps[:at])
     if step.action in _ON_THE_WAY and later:
-        return bare or _same_vehicle(step, later[0])
+        # The only other step has its distance too: "go 15 metres and stop".
+        stop = replace(step, action="stop", actions=("stop",), distance_m=None, distance_of=None)
+        measures = len(steps) == 2 and later[0] == stop
+        return bare or _same_vehicle(step, later[0]) or measures
+    if step.direction == "around" and step.referent is None and not step.secondary:  # "turn around and go back"
+        return any(other.direction == "around" for _, other in steps[:at])
     said_in_full = bool(later) and later[0].action == step.action  # "find a place to park behind the van"
     return (
         bare

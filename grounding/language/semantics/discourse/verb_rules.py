@@ -141,7 +141,8 @@ def _add_statement(state: DiscourseState, token: Token) -> None:
     host = subject if subject is not None and finite else state.open_phrase or subject
     if host is None:
         return
-    if subject is not None and finite and state.clause.connective in (*TEMPORAL, "so"):
+    awaited = state.clause.connective in (*TEMPORAL, "so") or (state.clause.connective == "if" and token.event == "leave")
+    if subject is not None and finite and awaited:
         if not state.event_stated:
             await_event(state, subject, token.event or "other")
     elif state.negated:
