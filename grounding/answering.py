@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from typing import TypeVar
 
-from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from grounding.answer import Answer
 from grounding.confidence import confidence_of, gather_evidence, is_worth_acting
@@ -17,9 +16,8 @@ from grounding.describe import describe_object, describe_step, with_article
 from grounding.goal.at_landmark import landmark_of
 from grounding.goal.planner import GoalPlan, plan_place, with_nearest
 from grounding.goal.second_best import plan_with_second_best
-from grounding.goal.shift import HeldPose, Shift, hold_goal, shift_goal
+from grounding.goal.shift import HeldPose, hold_goal, shift_goal
 from grounding.language import Reading
-from grounding.query import Query
 from grounding.referent.clarification import describe_one
 from grounding.referent.ordinals import find_ordinals
 from grounding.referent.resolver import (
@@ -31,6 +29,7 @@ from grounding.referent.resolver import (
     with_partner,
 )
 from grounding.referent.scene import SceneModel
+from grounding.requests import Request, after_turns, requests_of, without_referent
 from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
@@ -42,53 +41,6 @@ _NO_REFERENT_SCORE, _NO_GOAL_SCORE = -200.0, -100.0
 _MAX_GOAL_CANDIDATES = 4
 # Other candidates of a definite referent that are tried if there is no place at the best one.
 _MAX_OTHERS = 2
-
-
-@dataclass(frozen=True, eq=False)
-class Sighting:
-    """Where a vehicle was when a command was given: place (2,) and heading in the world, and whether it was ahead."""
-
-    world_m: FloatArray
-    heading_rad: float
-    ahead: bool
-
-    @classmethod
-    def of(cls, item: SceneObject, scene: SceneModel) -> Sighting:
-        """Return the sighting of an object of a scene."""
-        ahead = bool(item.centre_m[0] > scene.ego.centre_m)
-        return cls(scene.world_xy(item.centre_m), scene.world_heading(item.yaw_rad), ahead)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Request:
-    """One commanded step and what a conversation has settled about it.
-
-    Attributes:
-        reading: reading whose query is this step.
-        chosen: the referent, if it is settled.
-        ruled_out: ids of objects that are not meant.
-        shifts: changes of the place, in order; with `held`, since then.
-        held: place that was agreed to, or that of a step without a vehicle while driving, which is kept in the world;
-            None if it is planned from the query.
-        sighting: the vehicle when the step was asked for; None before the scene changes.
-    """
-
-    reading: Reading
-    chosen: Candidate | None = None
-    ruled_out: frozenset[str] = frozenset()
-    shifts: tuple[Shift, ...] = ()
-    held: HeldPose | None = None
-    sighting: Sighting | None = None
-
-    @property
-    def query(self) -> Query:
-        """The typed query of the step."""
-        return self.reading.query
-
-
-def requests_of(reading: Reading) -> tuple[Request, ...]:
-    """Return the steps of a reading in order."""
-    return tuple(Request(reading=replace(reading, query=step, steps=(step,))) for step in reading.steps)
 
 
 def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Answer:
@@ -131,7 +83,7 @@ def answer_steps(
         The answer to the primary step with all steps, or that to the first step that fails.
     """
     steps, start = list[Answer](), None
-    for request in _turn_beyond(requests, scene):
+    for request in _turn_beyond(after_turns(requests), scene):
         steps.append(answer_step(request, scene, limit=limit, start=start))
         if (target := steps[-1].target) is not None:
             start = Pose2D(float(target.ego_m[0]), float(target.ego_m[1]), target.heading_ego_rad)
@@ -255,7 +207,7 @@ def answer_step(
         raise AppoccError("grounder: expected a scene with a map, got one without")
     resolution = _resolve(request, scene, limit)
     if resolution.status != "ok" and request.query.action == "slow_down" and request.query.relation == "none":
-        return answer_step(_without_referent(request, resolution), scene, limit, start)
+        return answer_step(without_referent(request, resolution.reasons), scene, limit, start)
     reasons = (*resolution.reasons, *reading.notes, *_tell_dropped(reading))
     make = partial(Answer, reading=reading, scene=scene, candidates=resolution.candidates, dropped=reading.dropped)
     if resolution.status != "ok":
@@ -315,13 +267,6 @@ def _resolve(request: Request, scene: SceneModel, limit: int) -> Resolution:
     if request.chosen is None:
         return resolve(request.query, without(scene, request.ruled_out), limit)
     return Resolution("ok", (with_partner(request.chosen, request.query, scene),), ())
-
-
-def _without_referent(request: Request, resolution: Resolution) -> Request:
-    """Return a step without its vehicle, which only told why: "slow down, there's a bus"."""
-    reading, query = request.reading, replace(request.query, referent=None, landmark=None)
-    notes = (*reading.notes, *resolution.reasons)
-    return replace(request, reading=replace(reading, query=query, steps=(query,), notes=notes))
 
 
 def _with_sought(request: Request, scene: SceneModel) -> Request:

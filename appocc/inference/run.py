@@ -172,6 +172,8 @@ class InferenceRun:
             unread.clear()
             frame, missing = each.read()
             self._count_missing(missing.items())
+            if missing and not frame.images:
+                raise DataError(f"{each.token}: no image can be used: {'; '.join(dict.fromkeys(missing.values()))}")
             bev, seen = self._predict(frame)
             self._check_objects(bev)
             yield InferenceResult(frame, bev, picture)

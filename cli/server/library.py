@@ -46,7 +46,8 @@ class Library:
         self._known: dict[str, Recording] = {}
         for given, root in zip(roots, (root.resolve() for root in roots), strict=True):
             if not root.is_dir():
-                raise DataError(f"{given}: expected a dataset or a folder of datasets, got no such folder")
+                got = "a file" if root.exists() else "no such folder"
+                raise DataError(f"{given}: expected a dataset or a folder of datasets, got {got}")
             empty = not any(root.iterdir())
             if not (empty or any(_datasets(root)) or any(_trainings(root))):
                 raise DataError(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from grounding.answer import Answer
-from grounding.answering import Request, without
+from grounding.answering import without
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import any_of, find_at_distance, find_beside, find_fitting, reading_of, widen
 from grounding.dialogue.fragments import (
@@ -30,6 +30,7 @@ from grounding.language.revised_readings import evidence_of
 from grounding.query import Query, Referent
 from grounding.referent.predicates import to_referent
 from grounding.referent.resolver import Candidate, resolve
+from grounding.requests import Request
 from grounding.vocabulary import Action, ShiftDirection
 
 # Distance of "a bit", and distances to another place than the goal.

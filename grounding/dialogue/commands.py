@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from grounding.answer import Answer
-from grounding.answering import Request, requests_of
 from grounding.dialogue.changes import drop_steps, replace_step
 from grounding.dialogue.choices import confirm
 from grounding.dialogue.conversation import Conversation
@@ -19,6 +18,7 @@ from grounding.dialogue.turns import Turn
 from grounding.language import Reading, WordCategory
 from grounding.language.revised_readings import evidence_of
 from grounding.query import Query, Referent
+from grounding.requests import Request, requests_of
 from grounding.vocabulary import Action
 
 # Actions that are about a vehicle.

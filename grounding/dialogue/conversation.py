@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from appocc.errors import AppoccError
 from grounding.answer import Answer
-from grounding.answering import Request, accept_proposal, answer_steps, requests_of
+from grounding.answering import accept_proposal, answer_steps
 from grounding.dialogue.memory import Memory
 from grounding.dialogue.telling import ask, said
 from grounding.language import Reading
@@ -19,6 +19,7 @@ from grounding.language.reader.turns import State
 from grounding.query import Query, Referent
 from grounding.referent.resolver import Candidate, find_all
 from grounding.referent.scene import SceneModel
+from grounding.requests import Request, requests_of
 
 if TYPE_CHECKING:
     from grounding.grounder import Grounder

@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from grounding.answering import Request, without
+from grounding.answering import without
 from grounding.language import Reading
 from grounding.query import Query, Referent
 from grounding.referent.resolver import Candidate, resolve
 from grounding.referent.scene import SceneModel
+from grounding.requests import Request
 
 # A told distance is rounded, or remembered roughly.
 _LEAST_TOLERANCE_M, _TOLERANCE = 2.5, 0.1

@@ -9,12 +9,12 @@ import numpy as np
 
 from appocc.geometry import apply, inverse, wrap_angle
 from grounding.answer import Answer
-from grounding.answering import Request, Sighting
 from grounding.describe import describe_object
 from grounding.dialogue.telling import ask
 from grounding.goal.shift import HeldPose
 from grounding.referent.resolver import Candidate
 from grounding.referent.scene import SceneModel
+from grounding.requests import Request, Sighting
 from grounding.road.lane_model import LANE_M
 from grounding.scene_object import SceneObject
 

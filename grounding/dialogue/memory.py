@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from grounding.answer import Answer
-from grounding.answering import Request
 from grounding.query import Referent
 from grounding.referent.resolver import Candidate
+from grounding.requests import Request
 
 # Plans that a conversation can go back to.
 _MAX_EARLIER = 8

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from grounding.answering import Request
 from grounding.query import Query
+from grounding.requests import Request
 from grounding.vocabulary import REFUSED
 
 # Actions that staying behind a vehicle replaces.

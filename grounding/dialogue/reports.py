@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from grounding.answer import Answer
-from grounding.answering import requests_of
 from grounding.describe import describe_object
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import any_of
@@ -16,6 +15,7 @@ from grounding.dialogue.telling import ask, describe_goal, said
 from grounding.language import Reading
 from grounding.query import Query
 from grounding.referent.resolver import MAX_CANDIDATES, find_all, resolve
+from grounding.requests import requests_of
 from grounding.scene_object import SceneObject
 
 # What may be asked for in "which cars do you see?"; without one of them, it is about all vehicles.

@@ -105,6 +105,7 @@ _ASKS_PLAN = re.compile(
     r"(?:not |still )?(?:going|heading|stopping|parking|standing|parked|aiming)\b.*\?$",
     re.IGNORECASE | re.DOTALL,
 )
+_OTHER_TURN = re.compile(r"a (left|right)(?: turn)?", re.IGNORECASE)
 # Least probability of a remark at the beginning where the grammar is lost.
 _SURE_REMARK = 0.75
 # Acts that change where we stand.
@@ -220,6 +221,9 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
         return numbered or answer_fragment(talk, text, reply, replace(turn, act="describe"))
     if turn.shifts_to_place:
         return answer_fragment(talk, text, reply, replace(turn, act="place"))
+    turns = state.request is not None and state.request.query.action == "turn"
+    if act == "shift" and turns and (other := _OTHER_TURN.fullmatch(reply.rest)):
+        return answer_fragment(talk, text, replace(reply, rest=other[1]))  # "make that a left"
     if act == "shift":
         moved = shift_from_named(talk, text, reply)
         return moved or shift_last(talk, text, Shift(turn.shift, turn.distance_m or BIT_M))

@@ -60,6 +60,8 @@ _SKIPPED = (WordCategory.FILLER, WordCategory.COMMA, WordCategory.BREAK, WordCat
 # Categories of words in an epithet, besides unknown words, and the most words.
 _EPITHETS = (WordCategory.EXTRA, WordCategory.PERSON, WordCategory.THING, WordCategory.SIZE, WordCategory.NOT)
 _MAX_EPITHET = 4
+# Verbs to which "around" belongs; elsewhere it closes a question: "any vans around?"
+_TURNING = ("turn", "spin", "swing", "loop", "go", "come", "drive", "it", "us")
 # Kinds that a number may follow: "no, 4", "make it 5".
 _BEFORE_NUMBERS = ("yes", "no", "meant", "pause")
 # A number as the whole answer.
@@ -214,6 +216,8 @@ def _without_tail(words: tuple[str, ...]) -> tuple[str, ...]:
     """Return the words without those that only close a sentence: "..., please", "... instead"."""
     for length in (4, 3, 2, 1):
         last = words[-length:]
+        if last == ("around",) and words[-2:-1] and words[-2] in _TURNING:
+            break  # "turn around"
         if len(last) == length and (_is_tail(last) if last[0] not in ",.;!?" else length == 1):
             return _without_tail(words[:-length])
     return words

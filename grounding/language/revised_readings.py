@@ -20,6 +20,7 @@ _SURE = 0.5
 # The same where the grammar finds no command (a mere statement asks for nothing), and where an unknown word may be
 # the verb or the vehicle, or a negation may be read as its opposite.
 _SURE_ALONE, _SURE_GUESSED = 0.75, 0.8
+_FORETELLING = [WordCategory.PRONOUN, WordCategory.AUX]
 _MARKS = (WordCategory.COMMA, WordCategory.BREAK)
 
 
@@ -43,6 +44,12 @@ def _stops_doing(token: Token, following: Token) -> bool:
     return verbs and token.value in ("stop", "none", "avoid") and following.form == "ing"
 
 
+def _foretells(tokens: Sequence[Token]) -> bool:
+    """Return whether words tell what others are going to do: "it'll stop"."""
+    words = [token for token in tokens if token.category not in (*_MARKS, WordCategory.FILLER)][:2]
+    return [one.category for one in words] == _FORETELLING and words[1].text == "will"
+
+
 def revise_readings(readings: Sequence[Reading], tokens: Sequence[Token]) -> tuple[Reading, ...]:
     """Return the readings, best first, as revised by the network.
 
@@ -58,7 +65,7 @@ def revise_readings(readings: Sequence[Reading], tokens: Sequence[Token]) -> tup
         return tuple(readings)
     evidence = evidence_of(first)
     revision = default_reader().revise(first.query, evidence, tokens)
-    if revision is None:
+    if revision is None or (first.problem and revision.query.referent is None and _foretells(first.tokens)):
         return tuple(readings)
     if revision.changed and revision.query.action is None:
         return (_rejected(first, revision),)

@@ -117,7 +117,7 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
     reasons = _explain_choice(referent, num_matches, candidates[0], scene)
     if sought is not named:
         reasons.insert(0, f"no people are known here: '{referent.phrase()}' tells where")
-    reasons += _explain_nearer_behind(referent, choices[0].row, scores, scene)
+    reasons += _explain_nearer(referent, choices[0].row, scores, scene)
     return Resolution("ok", candidates, (*reasons, *scores.notes))
 
 
@@ -330,16 +330,18 @@ def _explain_too_few(referent: Referent, num_matches: int) -> str:
     return f"no vehicle is the '{' '.join(words)}' one: {num_matches} fit the rest of '{referent.phrase()}'"
 
 
-def _explain_nearer_behind(referent: Referent, chosen: int, scores: ReferentScores, scene: SceneModel) -> list[str]:
-    """Explain why the nearest one is not one behind the ego that is nearer; nothing if there is none."""
-    if "nearest" not in referent.qualifiers or includes_behind(referent):
+def _explain_nearer(referent: Referent, chosen: int, scores: ReferentScores, scene: SceneModel) -> list[str]:
+    """Explain why the nearest one is not one that is nearer, behind us or in doubt; nothing if there is none."""
+    if "nearest" not in referent.qualifiers:
         return []
     distance_m = scene.table.distance_m
-    nearer = scores.matches & is_behind(scene.table) & (distance_m < distance_m[chosen])
-    if not nearer.any():
-        return []
-    metres = float(distance_m[nearer].min())
-    return [f"one {metres:.0f} m away is nearer, but behind us: that is meant only if the command says so"]
+    nearer = scores.matches & (distance_m < distance_m[chosen])
+    behind = nearer & is_behind(scene.table) & (not includes_behind(referent))
+    whys = (
+        (nearer & ~behind, "fits the other words less well"),
+        (behind, "behind us: that is meant only if the command says so"),
+    )
+    return [f"one {distance_m[which].min():.0f} m away is nearer, but {why}" for which, why in whys if which.any()]
 
 
 def _explain_choice(referent: Referent, num_matches: int, best: Candidate, scene: SceneModel) -> list[str]:

@@ -248,8 +248,12 @@ def _about_person(query: Query) -> Query:
     """Return a query about the person beside its vehicle, if there is one: "the man by the van" is no van."""
     vehicle, beside = query.referent, [one for one in query.secondary if one.of == "inverse"]
     person = next((one for one in beside if one.noun not in VEHICLES), None)
-    if vehicle is None or person is None or vehicle.noun not in VEHICLES:
+    if vehicle is None or vehicle.noun not in VEHICLES:
         return query
+    if person is None:  # "pick up my daughter, she's by the blue van"
+        where: Any = "near" if query.relation == NONE else query.relation
+        at = Landmark(vehicle.noun, where, "referent", vehicle.colour, vehicle.qualifiers)
+        return replace(query, referent=None, secondary=(*query.secondary, at))
     known = Landmark(vehicle.noun, person.relation, "referent", vehicle.colour, vehicle.qualifiers)
     secondary = tuple(known if one is person else one for one in query.secondary)
     return replace(query, referent=Referent("person", person.noun), secondary=secondary)

@@ -18,6 +18,7 @@ _NUMBER = re.compile(r"\d{1,9}(?:\.\d{1,9})?")
 # Signs of text messages, and words without their last letters.
 _SIGN_WORDS = {"@": "at", "w/o": "without", "b/w": "between", "w/": "with", "an'": "and", "o'": "of", "wi'": "with"}
 _SIGNS = re.compile(r"@|\b(?:w/o|b/w|w/|an'|o'|wi')(?!\w)")
+_DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d{1,2} ?(?:m|met(?:er|re)s?|feet|foot|ft|yards?|km)\b)")
 _WILL = re.compile(r"\b(he|she|it|they)'ll\b")
 _MARKS = {",": WordCategory.COMMA} | dict.fromkeys(".;!?", WordCategory.BREAK)
 
@@ -61,7 +62,8 @@ def normalise(text: str) -> str:
     folded = unicodedata.normalize("NFKC", text).casefold().replace("’", "'").replace("‘", "'").replace("`", "'")
     folded = _WILL.sub(r"\1 will", folded)
     folded = _SIGNS.sub(lambda found: f" {_SIGN_WORDS[found.group()]} ", folded)
-    folded = re.sub(r"(?<=\w)[-‐‑](?=\w)", " ", re.sub(r"(?<=\d),(?=\d{3}\b)", "", folded))
+    folded = _DECIMAL_COMMA.sub(".", re.sub(r"(?<=\d),(?=\d{3}\b)", "", folded))
+    folded = re.sub(r"(?<=\w)[-‐‑](?=\w)", " ", re.sub(r"(?<!\S)[-−](?=\d)", "minus ", folded))
     folded = re.sub(r"\b(km|kilomet(?:er|re)s?|miles?) ?(?:/|an?|per) ?h(?:our|r)?\b", r"\1 per hour", folded)
     folded = re.sub(r"[–—:()/\"]|(?<=\s)-", " , ", folded)
     return " ".join("".join(c if c.isprintable() else " " for c in folded).split())

@@ -9,9 +9,9 @@ import pytest
 from street import BLUE, RED, WHITE, Street
 
 from appocc.geometry import quaternion_from_yaw, transform
-from grounding.answering import Sighting
 from grounding.dialogue.following import has_happened
 from grounding.dialogue.session import Session
+from grounding.requests import Sighting
 
 
 def pose(x_m: float) -> np.ndarray:

@@ -141,7 +141,9 @@ def _add_statement(state: DiscourseState, token: Token) -> None:
     host = subject if subject is not None and finite else state.open_phrase or subject
     if host is None:
         return
-    awaited = state.clause.connective in (*TEMPORAL, "so") or (state.clause.connective == "if" and token.event == "leave")
+    awaited = state.clause.connective in (*TEMPORAL, "so") or (
+        state.clause.connective == "if" and token.event == "leave"
+    )
     if subject is not None and finite and awaited:
         if not state.event_stated:
             await_event(state, subject, token.event or "other")

@@ -1,0 +1,83 @@
+"""Requests: the commanded steps of a reading, and what a conversation has settled about them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from appocc.checks import FloatArray
+from grounding.goal.shift import HeldPose, Shift
+from grounding.language import Reading
+from grounding.query import Query
+from grounding.referent.resolver import Candidate
+from grounding.referent.scene import SceneModel
+from grounding.scene_object import SceneObject
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """Where a vehicle was when a command was given: place (2,) and heading in the world, and whether it was ahead."""
+
+    world_m: FloatArray
+    heading_rad: float
+    ahead: bool
+
+    @classmethod
+    def of(cls, item: SceneObject, scene: SceneModel) -> Sighting:
+        """Return the sighting of an object of a scene."""
+        ahead = bool(item.centre_m[0] > scene.ego.centre_m)
+        return cls(scene.world_xy(item.centre_m), scene.world_heading(item.yaw_rad), ahead)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Request:
+    """One commanded step and what a conversation has settled about it.
+
+    Attributes:
+        reading: reading whose query is this step.
+        chosen: the referent, if it is settled.
+        ruled_out: ids of objects that are not meant.
+        shifts: changes of the place, in order; with `held`, since then.
+        held: place that was agreed to, or that of a step without a vehicle while driving, which is kept in the world;
+            None if it is planned from the query.
+        sighting: the vehicle when the step was asked for; None before the scene changes.
+    """
+
+    reading: Reading
+    chosen: Candidate | None = None
+    ruled_out: frozenset[str] = frozenset()
+    shifts: tuple[Shift, ...] = ()
+    held: HeldPose | None = None
+    sighting: Sighting | None = None
+
+    @property
+    def query(self) -> Query:
+        """The typed query of the step."""
+        return self.reading.query
+
+
+def requests_of(reading: Reading) -> tuple[Request, ...]:
+    """Return the steps of a reading in order."""
+    return tuple(Request(reading=replace(reading, query=step, steps=(step,))) for step in reading.steps)
+
+
+def after_turns(requests: Sequence[Request]) -> Sequence[Request]:
+    """Return steps in which "after the turn" is the place where the step before it ends."""
+    placed = list(requests)
+    for i, (step, following) in enumerate(pairwise(requests), start=1):
+        query = following.query
+        turn = next((one for one in query.secondary if one.of == "goal" and one.noun == "turn"), None)
+        if step.query.action != "turn" or turn is None or query.landmark != "secondary":
+            continue
+        others = tuple(one for one in query.secondary if one is not turn)
+        query = replace(query, relation="none", landmark=None, secondary=others)
+        placed[i] = replace(following, reading=replace(following.reading, query=query, steps=(query,)))
+    return placed
+
+
+def without_referent(request: Request, reasons: Sequence[str]) -> Request:
+    """Return a step without its vehicle, which only told why: "slow down, there's a bus"; noted with reasons."""
+    reading, query = request.reading, replace(request.query, referent=None, landmark=None)
+    notes = (*reading.notes, *reasons)
+    return replace(request, reading=replace(reading, query=query, steps=(query,), notes=notes))
