@@ -88,6 +88,7 @@ def test_bound_elsewhere_it_needs_the_token(tmp_path: Path) -> None:
     ("arguments", "reason"),
     [
         (["missing"], "missing: expected a dataset or a folder of datasets, got no such folder"),
+        (["full/thesis.tex"], "thesis.tex: expected a dataset or a folder of datasets, got a file"),
         (["full"], "full: no nuScenes-schema dataset in it"),
         (["damaged"], "v1.0-made"),
         (["empty", "--host", "no.such.host.invalid"], "no such address"),

@@ -94,6 +94,16 @@ def test_other_weights_or_settings_make_new_maps(tiny: TinyDataset, tmp_path: Pa
     assert BEVMap.load(tmp_path / f"{ALL[0]}.npz").grid == AHEAD.grid
 
 
+def test_a_frame_whose_images_are_all_damaged_names_them(tiny: TinyDataset, tmp_path: Path) -> None:
+    dataset = Dataset(tiny.root)
+    for channel in ("CAM_FRONT", "CAM_BACK"):
+        broken = dataset.path(dataset.data(dataset.sample(ALL[0]))[channel])
+        broken.write_bytes(broken.read_bytes()[:-3])
+    with pytest.raises(DataError, match=r"no image can be used: .*truncated.*; .*truncated"):
+        run(tiny, tmp_path)
+    assert not list(tmp_path.glob("*.npz"))
+
+
 def test_missing_cameras_are_counted_with_their_first_reason(tiny: TinyDataset, tmp_path: Path) -> None:
     dataset = Dataset(tiny.root)
     gone = [dataset.path(dataset.data(dataset.sample(name))["CAM_BACK"]) for name in ALL[1:]]

@@ -68,7 +68,8 @@ def _is_contained(step: Query, steps: Sequence[tuple[bool, Query]], at: int) -> 
         measures = len(steps) == 2 and later[0] == stop
         return bare or _same_vehicle(step, later[0]) or measures
     if step.direction == "around" and step.referent is None and not step.secondary:  # "turn around and go back"
-        return any(other.direction == "around" for _, other in steps[:at])
+        kept = [*steps[:at], *((is_main, other) for is_main, other in steps[at + 1 :] if is_main)]
+        return any(other.direction == "around" for _, other in kept)
     said_in_full = bool(later) and later[0].action == step.action  # "find a place to park behind the van"
     return (
         bare
