@@ -50,10 +50,11 @@ def groundtruth(
     """
     import time
 
+    from appocc.bevmap import load_map
     from appocc.environment import cores
     from appocc.grid import BEVGrid
     from appocc.groundtruth.compose import GroundTruthSettings
-    from appocc.groundtruth.pipeline import generate
+    from appocc.groundtruth.pipeline import SOURCE, generate
     from appocc.nuscenes import Dataset
 
     root, out = shared(cluster, root), shared(cluster, out or root)
@@ -72,3 +73,9 @@ def groundtruth(
     say_stale(summary.stale)
     rate = f", {summary.made / seconds * 60:.0f} a minute" if summary.made else ""
     say(f"{summary.folder}: {summary.made} maps made{rate}, {summary.kept} kept")
+    if total:
+        first = next(sample for one in scenes for sample in dataset.samples(one))
+        sources = load_map(out, SOURCE, first.token).meta["sources"]
+        if unknown := [layer for layer, source in sources.items() if source == "none"]:
+            names = ", ".join(unknown).replace("appearance_static", "colour of the ground")
+            say(f"unknown for want of a LiDAR, a road map or boxes: {names.replace('appearance_vehicle', 'paint')}")

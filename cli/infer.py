@@ -87,6 +87,8 @@ def infer(
     from cli.infer_scenes import SceneInference, execute_by_scene
     from tracking.pipeline.tracked_objects import TrackedObjects
 
+    if str(out) == str(source):
+        raise DataError(f"{out}: expected another folder than that of the images")
     predictor = load_predictor(weights, device_of(device))
     inputs = inputs_of(source, rig, scene, version, level)
     run = InferenceRun(inputs, predictor, out, detections, pictures, tracking=TrackedObjects())

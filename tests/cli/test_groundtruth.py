@@ -50,6 +50,17 @@ def test_groundtruth(tiny_root: Path, monkeypatch: pytest.MonkeyPatch, capsys: p
     assert bev.meta["settings"]["paint"] == "robust"
 
 
+def test_what_stays_unknown_is_told(
+    tiny: TinyDataset, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = "unknown for want of a LiDAR, a road map or boxes: "
+    assert "ground" not in command(monkeypatch, capsys, tiny.root)[2].partition(told)[2]
+    tiny.tables["sample_data"] = [row for row in tiny.tables["sample_data"] if "LIDAR" not in row["filename"]]
+    code, _, stderr = command(monkeypatch, capsys, tiny.write(), "--out", tiny.root.parent / "without")
+    assert code == 0
+    assert "colour of the ground" in stderr.partition(told)[2]
+
+
 def test_json_and_out(
     tiny_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -92,6 +92,14 @@ def test_a_folder_of_images_with_a_dead_camera(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "pictures" / "a.jpg").is_file()
 
 
+def test_maps_are_not_mixed_with_the_images(tiny: TinyDataset) -> None:
+    before = sorted(tiny.root.rglob("*"))
+    result = run(tiny.root, "--weights", "w", "--out", tiny.root)
+    assert isinstance(result.exception, DataError)
+    assert "expected another folder than that of the images" in str(result.exception)
+    assert sorted(tiny.root.rglob("*")) == before
+
+
 def test_detections_need_weights_with_objects_and_a_dataset(tiny: TinyDataset, tmp_path: Path) -> None:
     (tmp_path / "rig.yaml").write_text(RIG)
     write_image(tmp_path / "in" / "CAM_FRONT.png", np.full((36, 64, 3), 90, np.uint8))
