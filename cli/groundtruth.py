@@ -22,6 +22,16 @@ from cli.common import (
 from cli.engine import LOCAL, ClusterOption, ProcessesOption, engine, shared
 
 
+# Layers of a map, by their names in its meta.
+_LAYERS = {
+    "road": "road",
+    "vehicle": "vehicle",
+    "lane": "lane",
+    "appearance_static": "colour of the ground",
+    "appearance_vehicle": "paint",
+}
+
+
 class VehicleColour(StrEnum):
     """How the colour of a vehicle is estimated."""
 
@@ -76,6 +86,5 @@ def groundtruth(
     if total:
         first = next(sample for one in scenes for sample in dataset.samples(one))
         sources = load_map(out, SOURCE, first.token).meta["sources"]
-        if unknown := [layer for layer, source in sources.items() if source == "none"]:
-            names = ", ".join(unknown).replace("appearance_static", "colour of the ground")
-            say(f"unknown for want of a LiDAR, a road map or boxes: {names.replace('appearance_vehicle', 'paint')}")
+        if unknown := [_LAYERS[layer] for layer, source in sources.items() if source == "none"]:
+            say(f"unknown for want of a LiDAR, a road map or boxes: {', '.join(unknown)}")

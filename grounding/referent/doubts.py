@@ -51,9 +51,8 @@ def _out_of_sight(query: Query, referent: Referent, row: int, scene: SceneModel)
     table = scene.table
     if query.action not in _FORWARD or query.distance_of == "descriptor":
         return ""
-    if query.manoeuvre == "back":
-        return ""
-    if not includes_behind(referent) and float(table.xy_m[row, 0]) < scene.ego.centre_m - _BEHIND_M:
+    forward = query.manoeuvre != "back" and not includes_behind(referent)
+    if forward and float(table.xy_m[row, 0]) < scene.ego.centre_m - _BEHIND_M:
         return "one behind us"
     described = referent.colour or referent.qualifiers or query.secondary
     if table.visible_share[row] <= _HIDDEN_SHARE and not (described or _in_our_lane(row, scene)):

@@ -23,6 +23,8 @@ HEIGHTS_M = (0.0, 0.6, 1.3)
 _NEAREST_M = 0.1
 # Number of cached plans: a rig at the two strides of a network, and a few more.
 _KEPT_PLANS = 8
+# Points that a CPU projects at once: larger arrays cost more than they save.
+_POINTS_AT_ONCE = 200_000
 _CPU = torch.device("cpu")
 
 
@@ -166,17 +168,33 @@ def _visible_points(
         torch.from_numpy(each.transpose(2, 0, 3, 1)).to(device)
         for each in (matrix[..., :1] * x_m, matrix[..., 1:2] * y_m, up)
     )
+    limit = torch.from_numpy(size - 0.5).to(device)
+    row = grid.shape[1] * len(heights_m) * most  # points of one row of cells
+    some = max(1, _POINTS_AT_ONCE // row) if device.type == "cpu" and len(rigs) == 1 else grid.shape[0]
+    found = [
+        (start * row + at, uvd)
+        for start in range(0, grid.shape[0], some)
+        for at, uvd in [_inside(along[:, :, start : start + some], across, up, limit)]
+    ]
+    at, uvd = (torch.cat(parts, dim=-1) for parts in zip(*found, strict=True))
+    bag, slot = at // most, at % most
+    sample = bag // (grid.shape[0] * grid.shape[1] * len(heights_m))
+    return bag, torch.tensor(first, device=device)[sample] + slot, uvd
+
+
+def _inside(along: Tensor, across: Tensor, up: Tensor, limit: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the points that cameras see: (n,) indices of B X Y Z N, and (3, n) float32 pixels and depths.
+
+    The projections to pixels times depth, and to depth, are sums along x (3, B, X, N), y (3, B, Y, N) and z.
+    """
     u, v, depth = along[:, :, :, None, None] + across[:, :, None, :, None] + up[:, :, None, None]  # each B X Y Z N
     # Tested before the division, because most points are outside the image.
     inside = depth > _NEAREST_M
-    for side, limit in zip((u, v), torch.from_numpy(size - 0.5).to(device), strict=True):
-        inside &= (side >= -0.5 * depth) & (side < limit[:, None, None, None] * depth)
+    for side, most in zip((u, v), limit, strict=True):
+        inside &= (side >= -0.5 * depth) & (side < most[:, None, None, None] * depth)
     at = inside.flatten().nonzero()[:, 0]
-    bag, slot = at // most, at % most
-    sample = bag // (grid.shape[0] * grid.shape[1] * len(heights_m))
     far = depth.flatten()[at]
-    uvd = torch.stack([u.flatten()[at] / far, v.flatten()[at] / far, far]).float()
-    return bag, torch.tensor(first, device=device)[sample] + slot, uvd
+    return at, torch.stack([u.flatten()[at] / far, v.flatten()[at] / far, far]).float()
 
 
 def _bilinear_corners(uv: Tensor, h: int, w: int) -> tuple[Tensor, Tensor]:

@@ -212,6 +212,8 @@ def _with_values(query: Query, values: Mapping[str, str], prediction: Prediction
     """Return a query with the given values; what hangs on a changed value changes with it."""
     if values["noun"] == "person":
         query = _about_person(query)
+        if any(part.of == "referent" and part.colour == values["colour"] for part in query.secondary):
+            values = {**values, "colour": NONE}  # the colour of the vehicle beside the person
     referent = _referent(query.referent, values, _own_qualifiers(query, prediction), prediction.head)
     if referent is not None and _is_excluded(referent, query.excluded) and referent != query.referent:
         referent = query.referent  # the command excludes the other one
