@@ -21,7 +21,6 @@ from cli.common import (
 )
 from cli.engine import LOCAL, ClusterOption, ProcessesOption, engine, shared
 
-
 # Layers of a map, by their names in its meta.
 _LAYERS = {
     "road": "road",

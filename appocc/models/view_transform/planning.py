@@ -171,12 +171,10 @@ def _visible_points(
     limit = torch.from_numpy(size - 0.5).to(device)
     row = grid.shape[1] * len(heights_m) * most  # points of one row of cells
     some = max(1, _POINTS_AT_ONCE // row) if device.type == "cpu" and len(rigs) == 1 else grid.shape[0]
-    found = [
-        (start * row + at, uvd)
-        for start in range(0, grid.shape[0], some)
-        for at, uvd in [_inside(along[:, :, start : start + some], across, up, limit)]
-    ]
-    at, uvd = (torch.cat(parts, dim=-1) for parts in zip(*found, strict=True))
+    starts = range(0, grid.shape[0], some)
+    found = [_inside(along[:, :, start : start + some], across, up, limit) for start in starts]
+    at = torch.cat([start * row + own for start, (own, _) in zip(starts, found, strict=True)])
+    uvd = torch.cat([each for _, each in found], dim=1)
     bag, slot = at // most, at % most
     sample = bag // (grid.shape[0] * grid.shape[1] * len(heights_m))
     return bag, torch.tensor(first, device=device)[sample] + slot, uvd
