@@ -175,9 +175,9 @@ def _visible_points(
     found = [_inside(along[:, :, start : start + some], across, up, limit) for start in starts]
     at = torch.cat([start * row + own for start, (own, _) in zip(starts, found, strict=True)])
     uvd = torch.cat([each for _, each in found], dim=1)
-    bag, slot = at // most, at % most
+    bag, own_camera = at // most, at % most
     sample = bag // (grid.shape[0] * grid.shape[1] * len(heights_m))
-    return bag, torch.tensor(first, device=device)[sample] + slot, uvd
+    return bag, torch.tensor(first, device=device)[sample] + own_camera, uvd
 
 
 def _inside(along: Tensor, across: Tensor, up: Tensor, limit: Tensor) -> tuple[Tensor, Tensor]:
