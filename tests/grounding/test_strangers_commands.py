@@ -101,6 +101,11 @@ def test_a_turn_needs_a_side() -> None:
     assert "does not say which way to turn" in ask("turn off before the blue car").text()
 
 
+def test_what_is_to_be_waited_for_before_a_turn_leaves_the_turn() -> None:
+    assert steps_of(ask("let the blue car through before you turn left")) == ["give_way", "turn"]
+    assert steps_of(ask("before you turn left, park behind the blue car")) == ["park"]
+
+
 def test_a_condition_is_awaited() -> None:
     answer = ask("if the blue car moves, stop")
     assert steps_of(answer) == ["wait", "stop"]

@@ -97,8 +97,9 @@ def start_frame(state: DiscourseState, token: Token, connective: str) -> None:
         start=token.start,
         negated=state.negated and not danger,
     )
-    # "When you turn" and "after turning" give a time; "before turning" is a command.
-    finite = state.subject == "ego" and not token.form
+    # "When you turn" and "after turning" give a time; "before turning" and "..., before you turn" are commands.
+    follows = connective == "before" and bool(state.discourse.frames)
+    finite = state.subject == "ego" and not token.form and not follows
     participle = token.form == "ing" and connective != "before"
     frame.is_temporal = connective in TEMPORAL and (finite or participle)
     for value in implied:
