@@ -87,7 +87,7 @@ def infer(
     from cli.infer_scenes import SceneInference, execute_by_scene
     from tracking.pipeline.tracked_objects import TrackedObjects
 
-    if str(out) == str(source):
+    if out.resolve() == source.resolve():
         raise DataError(f"{out}: expected another folder than that of the images")
     predictor = load_predictor(weights, device_of(device))
     inputs = inputs_of(source, rig, scene, version, level)

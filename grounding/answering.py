@@ -118,9 +118,7 @@ def _turn_beyond(requests: Sequence[Request], scene: SceneModel) -> Sequence[Req
         found = _resolve(following, scene, MAX_CANDIDATES)
         if found.status == "ok" and found.candidates[0].item.centre_m[0] > scene.ego.centre_m:
             query = replace(step.query, referent=following.query.referent, relation="past", landmark="referent")
-            turned[i] = replace(
-                step, chosen=found.candidates[0], reading=replace(step.reading, query=query, steps=(query,))
-            )
+            turned[i] = replace(step, chosen=found.candidates[0], reading=step.reading.with_query(query))
     return turned
 
 
@@ -140,7 +138,7 @@ def accept_proposal(request: Request, answer: Answer) -> Request:
     plan, chosen = answer.plan, request.chosen or answer.referent
     if plan.instead is not None:
         query = replace(request.query, action=plan.instead, actions=(plan.instead,), relation="none")
-        return Request(reading=replace(request.reading, query=query, steps=(query,)), chosen=chosen)
+        return Request(reading=request.reading.with_query(query), chosen=chosen)
     held = None if plan.nearest is None else HeldPose(plan.nearest.world_m, plan.nearest.heading_rad)
     return replace(request, chosen=chosen, held=held, shifts=() if held else request.shifts)
 
@@ -277,7 +275,7 @@ def _with_sought(request: Request, scene: SceneModel) -> Request:
     named = replace(query, referent=sought, landmark=query.landmark or "referent", unresolved="", sought=None)
     if resolve(named, scene).status != "ok":
         return request
-    return replace(request, reading=replace(request.reading, query=named, steps=(named,)))
+    return replace(request, reading=request.reading.with_query(named))
 
 
 def _goal_candidates(request: Request, resolution: Resolution) -> Sequence[Candidate | None]:

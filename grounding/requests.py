@@ -59,7 +59,7 @@ class Request:
 
 def requests_of(reading: Reading) -> tuple[Request, ...]:
     """Return the steps of a reading in order."""
-    return tuple(Request(reading=replace(reading, query=step, steps=(step,))) for step in reading.steps)
+    return tuple(Request(reading=reading.with_query(step)) for step in reading.steps)
 
 
 def after_turns(requests: Sequence[Request]) -> Sequence[Request]:
@@ -72,12 +72,12 @@ def after_turns(requests: Sequence[Request]) -> Sequence[Request]:
             continue
         others = tuple(one for one in query.secondary if one is not turn)
         query = replace(query, relation="none", landmark=None, secondary=others)
-        placed[i] = replace(following, reading=replace(following.reading, query=query, steps=(query,)))
+        placed[i] = replace(following, reading=following.reading.with_query(query))
     return placed
 
 
 def without_referent(request: Request, reasons: Sequence[str]) -> Request:
     """Return a step without its vehicle, which only told why: "slow down, there's a bus"; noted with reasons."""
     reading, query = request.reading, replace(request.query, referent=None, landmark=None)
-    notes = (*reading.notes, *reasons)
-    return replace(request, reading=replace(reading, query=query, steps=(query,), notes=notes))
+    told = replace(reading, notes=(*reading.notes, *reasons))
+    return replace(request, reading=told.with_query(query))

@@ -131,7 +131,7 @@ def _place_of(
     described = read_description(reply.rest, talk.antecedent, talk.readings) if place.referent is None else None
     if described is not None and names_vehicle(described):
         place = replace(place, referent=described.query.referent)
-    return Reading(place, steps=(place,))
+    return Reading(place)
 
 
 def _places_one(talk: Conversation, words: str, reading: Reading) -> bool:
@@ -241,7 +241,7 @@ def _modify(talk: Conversation, reading: Reading, request: Request) -> Answer:
         # "Behind it, not in front": the other place is that of the same vehicle.
         query = replace(query, excluded=tuple(one for one in query.excluded if one.relation is None))
         chosen = talk.meant or chosen
-    changed = replace(changed, chosen=chosen, reading=replace(reading, query=query, steps=(query,)))
+    changed = replace(changed, chosen=chosen, reading=reading.with_query(query))
     return _take_changed(talk, changed, reading.query)
 
 

@@ -131,7 +131,7 @@ def take_next(talk: Conversation, text: str, sign: float) -> Answer:
         return take_other(talk, text)
     sought = Referent(request.query.referent.noun, request.query.referent.head, definite=False)
     query = replace(request.query, command=text, referent=sought, secondary=(), excluded=())
-    request = Request(reading=replace(request.reading, query=query, steps=(query,)))
+    request = Request(reading=request.reading.with_query(query))
     found = resolve(query, without(talk.scene, frozenset({last.item.id})))
     places = np.array([one.item.centre_m for one in found.candidates] or np.empty((0, 2)))
     along, lateral = np.array(talk.scene.lanes.project(places)) - np.array(

@@ -25,7 +25,7 @@ _CLEARLY_NEARER = 1.3
 def reading_of(referent: Referent) -> Reading:
     """Return the partial reading of a description: it has the vehicle, and neither an action nor a place."""
     query = Query("", referent=referent)
-    return Reading(query, steps=(query,))
+    return Reading(query)
 
 
 def any_of(query: Query) -> Query:
@@ -122,4 +122,4 @@ def without_qualifiers(request: Request) -> Request:
     if referent is None:
         return request
     query = replace(request.query, referent=replace(referent, qualifiers=(), in_line=False))
-    return replace(request, reading=replace(request.reading, query=query, steps=(query,)))
+    return replace(request, reading=request.reading.with_query(query))

@@ -217,7 +217,7 @@ def _parts(text: str) -> list[str]:
 
 
 def _with_query(reading: Reading, query: Query) -> Reading:
-    return replace(reading, query=query, steps=(query,))
+    return reading.with_query(query)
 
 
 def keep_action(reading: Reading, base: Query | None) -> Reading:

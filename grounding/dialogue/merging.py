@@ -26,7 +26,7 @@ def merge_request(request: Request, partial: Query) -> Request:
     placed = partial.relation != "none" or partial.landmark is not None or partial.distance_m is not None
     return replace(
         request,
-        reading=replace(request.reading, query=query, steps=(query,)),
+        reading=request.reading.with_query(query),
         chosen=request.chosen if partial.referent is None and query.referent == request.query.referent else None,
         shifts=() if placed else request.shifts,
         held=None,

@@ -159,7 +159,7 @@ def tell_room(talk: Conversation, text: str, words: str) -> Answer:
         return told or not_understood(talk, text, talk.read(text))
     chosen = talk.meant if names_pronoun(reading) else None
     query = replace(said(reading, text).query, action=base.action or "park")
-    requests = [replace(one, chosen=chosen) for one in requests_of(replace(reading, query=query, steps=(query,)))]
+    requests = [replace(one, chosen=chosen) for one in requests_of(reading.with_query(query))]
     answer = talk.answer_steps(requests)
     if answer.status != "ok":
         return inform(talk, text, "no", *answer.reasons)

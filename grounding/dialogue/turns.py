@@ -187,7 +187,7 @@ class Turn:
         """Return the reading of a command, with that of the network where it has none; what both say is no doubt."""
         own = command_of(reading.query.command, self.prediction)
         if reading.problem and self.sure >= _SURE_COMMAND:
-            return replace(reading, query=own, steps=(own,), problem=None)
+            return replace(reading.with_query(own), problem=None)
         qualifiers = [{*one.referent.qualifiers} if one.referent else set() for one in (own, reading.query)]
         alike = all(field_value(own, field) == field_value(reading.query, field) for field in FIELDS)
         return replace(reading, doubt="") if reading.revised and alike and qualifiers[0] == qualifiers[1] else reading

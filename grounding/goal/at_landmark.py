@@ -42,7 +42,7 @@ def landmark_of(query: Query) -> Landmark | None:
 
 
 def propose_at_landmark(query: Query, part: Landmark, road: RoadMap) -> tuple[list[CandidateSet] | None, list[str]]:
-    """Return the candidate sets at a landmark and what is to be said about it; None if it is not known here."""
+    """Return the candidate sets at a landmark, None if the map does not show it, and the reasons."""
     kind = LANDMARK_KINDS[part.noun]
     if not road.landmarks.knows(kind):
         return None, [f"no {kind} is known here: the map does not show any"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from grounding.language.problems import ParseProblem
 from grounding.language.syntax.tokenizer import Token
@@ -43,3 +43,7 @@ class Reading:
     def __post_init__(self) -> None:
         """Take the query as the only step if none are given."""
         object.__setattr__(self, "steps", self.steps or (self.query,))
+
+    def with_query(self, query: Query) -> Reading:
+        """Return the reading with another query, as its only step."""
+        return replace(self, query=query, steps=(query,))

@@ -60,7 +60,7 @@ _SKIPPED = (WordCategory.FILLER, WordCategory.COMMA, WordCategory.BREAK, WordCat
 # Categories of words in an epithet, besides unknown words, and the most words.
 _EPITHETS = (WordCategory.EXTRA, WordCategory.PERSON, WordCategory.THING, WordCategory.SIZE, WordCategory.NOT)
 _MAX_EPITHET = 4
-# Verbs to which "around" belongs; elsewhere it closes a question: "any vans around?"
+# Words to which a last "around" belongs; after others it closes a question: "any vans around?"
 _TURNING = ("turn", "spin", "swing", "loop", "go", "come", "drive", "it", "us")
 # Kinds that a number may follow: "no, 4", "make it 5".
 _BEFORE_NUMBERS = ("yes", "no", "meant", "pause")

@@ -132,7 +132,7 @@ def _changed(reading: Reading, changes: dict[str, Any], revision: Revision) -> R
         if _is_main(step, reading.query) or _is_commanded(step, reading.query, query)
     )
     left = [i for i, step in enumerate(steps) if step.action in reading.query.actions]
-    if len(steps) < len(reading.steps) and len(left) == 1:  # it has what the struck step said of the place
+    if len(steps) < len(reading.steps) and len(left) == 1:  # it takes over the place of the removed step
         i = left[0]
         steps = (*steps[:i], replace(query, trigger=steps[i].trigger), *steps[i + 1 :])
     return replace(reading, query=query, steps=steps, revised=revision.changed)
