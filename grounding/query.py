@@ -33,6 +33,8 @@ _POSTMODIFIERS = {
     "same_way": "facing the same way as us",
     "ahead": "ahead",
     "behind_ego": "behind us",
+    "beside_ego": "beside us",
+    "at_end": "at the end",
     **{f"{which}_lane": f"in the {which} lane" for which in ("left", "right", "middle", "other")},
     "own_lane": "in our lane",
 }

@@ -6,6 +6,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from grounding.answer import Answer
 from grounding.answering import without
 from grounding.dialogue.conversation import Conversation
@@ -31,11 +33,12 @@ from grounding.query import Query, Referent
 from grounding.referent.predicates import to_referent
 from grounding.referent.resolver import Candidate, resolve
 from grounding.requests import Request
-from grounding.vocabulary import Action, ShiftDirection
+from grounding.road.lane_model import LANE_M
+from grounding.vocabulary import LANDMARK_KINDS, Action, ShiftDirection
 
 # Distance of "a bit", and distances to another place than the goal.
 BIT_M = 2.0
-_ELSEWHERE_M = (6.0, 12.0)
+_ELSEWHERE_M = (6.0, 12.0, 18.0, 24.0)
 # Questions about somebody or something that was not spoken of.
 _WHO_OR_WHAT = re.compile(r"(?:and |oh |but |so )*(?:(?P<who>who)|what)(?:'s| is|s) (?:the|that|this)\b")
 # The opposite of each shift.
@@ -275,23 +278,54 @@ def move_elsewhere(talk: Conversation, text: str) -> Answer:
     answers = []
     for distance_m in _ELSEWHERE_M:
         for direction in ("ahead", "back"):
-            answers.append(shift_last(talk, text, Shift(direction, distance_m)))
+            answers.append(shift_last(talk, text, Shift(direction, distance_m, whole=True)))
             if answers[-1].status == "ok":
                 return answers[-1]
     return answers[0]
 
 
 def shift_from_named(talk: Conversation, text: str, reply: Reply) -> Answer | None:
-    """Move the goal in force with respect to a vehicle: "closer to the black one"; None if the words name none."""
+    """Move the goal in force with respect to a vehicle, a landmark of the road or the kerb; None without one.
+
+    "Closer to the black one", "that's too close to the crossing", "a bit further from the kerb".
+    """
     direction, state = reply.leading_shift, talk.state
     preposition, _, named = reply.rest.partition(" ")
     if direction is None or preposition not in ("to", "from") or state.goal is None or state.question is not None:
         return None
+    distance_m = reply.distance_m or BIT_M
     reading = read_description(named, talk.antecedent, talk.readings)
     found = resolve(widen(reading, talk.scene).query, talk.scene) if reading else None
-    if found is None or found.status != "ok":
+    if found is not None and found.status == "ok":
+        return shift_last(talk, text, Shift(direction, distance_m, found.candidates[0].item.id))
+    if direction not in ("near", "away"):
         return None
-    return shift_last(talk, text, Shift(direction, reply.distance_m or BIT_M, found.candidates[0].item.id))
+    said = talk.readings(f"stop at {named}", talk.antecedent)[0].query
+    toward = _direction_to_part_of_road(talk, said)
+    if toward is None and said.secondary and said.referent is None:
+        thing = said.secondary[0].noun.replace("_", " ")
+        return inform(talk, text, f"the map shows no {thing} on our way: say how far ahead or back")
+    if toward is None:
+        return None
+    return shift_last(talk, text, Shift(toward if direction == "near" else _OPPOSITE[toward], distance_m))
+
+
+def _direction_to_part_of_road(talk: Conversation, named: Query) -> ShiftDirection | None:
+    """Return where a landmark of the road, or the kerb, lies from the goal in force; None if a query names none."""
+    target, road = talk.state.goal.target if talk.state.goal else None, talk.scene.road
+    if target is None or road is None:
+        return None
+    along_m, lateral_m = (float(each) for each in road.ego_lane.project(target.ego_m))
+    with_us = np.cos(target.heading_ego_rad - road.direction_at(target.ego_m)) > 0
+    if named.road_side == "kerb":
+        on_our_side = road.traffic_side * lateral_m < LANE_M / 2
+        return "rightwards" if (road.traffic_side > 0) == (on_our_side == with_us) else "leftwards"
+    kind = next((LANDMARK_KINDS[one.noun] for one in named.secondary if one.noun in LANDMARK_KINDS), "")
+    spans = road.landmarks.spans(kind, road.ego_lane)
+    if not spans:
+        return None
+    nearest = min(spans, key=lambda span: max(span.near_m - along_m, along_m - span.far_m))
+    return "ahead" if (nearest.near_m > along_m) == with_us else "back"
 
 
 def shift_more(talk: Conversation, text: str, sign: float, distance_m: float = BIT_M) -> Answer:

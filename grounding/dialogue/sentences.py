@@ -39,6 +39,7 @@ from grounding.dialogue.choices import (
 from grounding.dialogue.commands import answer_command, ask_to_stop
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import carries_on, complete, goes_onto_pavement, has_verb, names_pronoun
+from grounding.dialogue.memory import Memory
 from grounding.dialogue.merging import merge_request
 from grounding.dialogue.reports import (
     ask_again,
@@ -136,6 +137,9 @@ def answer_sentence(talk: Conversation, text: str) -> Answer:
     if answer is None and guess is not None and guess.is_chat and plain:
         answer = _answer_likely(talk, text, reply, guess) or keep(talk, text)
     answer = answer or _answer(talk, text, reply, turn)
+    if "no" not in reply.kinds and _insists(answer, before, talk.state):
+        talk.state = before
+        return confirm(talk, text)
     if guess is not None and not guess.is_likely_command and before.goal is not None:
         if answer.query.manoeuvre == "onward" and carries_on(answer.reading):
             talk.state = before
@@ -151,6 +155,15 @@ def answer_sentence(talk: Conversation, text: str) -> Answer:
         if state_of(talk) == "goal" and not guess.is_likely_command:
             return keep(talk, text)
     return answer
+
+
+def _insists(answer: Answer, before: Memory, after: Memory) -> bool:
+    """Return whether a wish comes to the question again that is open: who repeats it agrees to what is offered."""
+    asked, again = before.question, after.question
+    if asked is None or again is None or again is asked or again is not answer or not again.plan.question:
+        return False
+    about = [one.referent.item.id if one.referent else None for one in (asked, again)]
+    return asked.plan.question == again.plan.question and about[0] == about[1]
 
 
 def is_misunderstood(answer: Answer) -> bool:

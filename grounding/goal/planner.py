@@ -216,6 +216,9 @@ def plan_place(
             plan = plan_place(following, scene, road, item, forbidden=forbidden)
             return replace(plan, reasons=(f"it {moves}: we follow it until it stands", *plan.reasons))
         reason = f"it {moves}, so that no place beside it stays"
+        followed = plan_place(replace(query, action="follow", relation="none"), scene, road, item, start=start)
+        if followed.target is None:
+            return GoalPlan(None, (reason, *followed.reasons))
         return GoalPlan(None, (reason,), question=_FOLLOW, instead="follow")
     proposed, reasons = propose_candidates(query, road, item, partner)
     if item is not None and item.speed_mps is not None and item.speed_mps > MOVING_MPS:

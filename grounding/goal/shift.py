@@ -39,11 +39,13 @@ class Shift:
         direction: `away` and `near` are relative to a vehicle.
         distance_m: length of the change.
         vehicle: id of that vehicle; None: the reference vehicle of the goal.
+        whole: whether a part of it is of no use: another place is wanted.
     """
 
     direction: ShiftDirection
     distance_m: float = 2.0
     vehicle: str | None = None
+    whole: bool = False
 
     @property
     def words(self) -> str:
@@ -71,7 +73,7 @@ def shift_goal(
         return goal_plan
     direction = _direction(shift.direction, target, item)
     blocked: GoalPlan | None = None
-    for share in _SHARES:
+    for share in _SHARES[: 1 if shift.whole else None]:
         wanted = target.ego_m + share * shift.distance_m * direction
         moved = _plan_near(wanted, target.heading_ego_rad, shift.words, scene, road, item)
         blocked = blocked or (moved if moved.target is None else None)

@@ -54,8 +54,8 @@ _BEFORE_COMMA = ("aside",)
 _LEAST_RESPELLED = 3
 # Words that begin a question for somebody.
 _ANYBODY = ("any", "anyone", "anybody", "someone", "somebody")
-# Preposition before the vehicle that a shift names: "closer to the van". It begins the rest of the reply.
-_TO_VEHICLE = {"near": "to", "away": "from"}
+# Prepositions before what a shift names: "closer to the van", "too close to it". They begin the rest of the reply.
+_TO_NAMED = {"near": ("to", "from"), "away": ("from", "to")}
 _SKIPPED = (WordCategory.FILLER, WordCategory.COMMA, WordCategory.BREAK, WordCategory.CORRECT)
 # Categories of words in an epithet, besides unknown words, and the most words.
 _EPITHETS = (WordCategory.EXTRA, WordCategory.PERSON, WordCategory.THING, WordCategory.SIZE, WordCategory.NOT)
@@ -127,7 +127,7 @@ def read_reply(text: str, lexicon: Lexicon | None = None) -> Reply:
         more, left = _split(others, lexicon)
         if distance_m is not None and not left and more and more[-1] in (*SHIFTS, "more", "less"):
             return Reply((*kinds, *more), "", None, distance_m)
-        if distance_m is not None and left and more and left[0] == _TO_VEHICLE.get(more[-1]):
+        if distance_m is not None and left and more and left[0] in _TO_NAMED.get(more[-1], ()):
             return Reply((*kinds, *more), " ".join(left), None, distance_m)  # "half a metre closer to the van"
     return Reply(kinds, " ".join(rest))
 
@@ -167,14 +167,14 @@ def _split(words: tuple[str, ...], lexicon: Lexicon) -> tuple[tuple[str, ...], t
             break  # "next to it" does not begin with "next"
         if kind in _BEFORE_COMMA and (whole or words[end] != ","):
             break
-        to_vehicle = bool(kind) and not whole and words[end - 1] == _TO_VEHICLE.get(kind)
+        to_named = bool(kind) and not whole and words[end - 1] in _TO_NAMED.get(kind, ())
         second_thought = kind in SHIFTS and not whole and words[end] in ",.;"  # "further on, behind it"
-        if not kind or not (whole or to_vehicle or second_thought or kind in _LEADING):
+        if not kind or not (whole or to_named or second_thought or kind in _LEADING):
             break
         kinds.append(kind)
         if kind in _ASKING and not whole:
             return tuple(kinds), _without_tail(words[after:])  # "is there any van?" is no "any"
-        if to_vehicle:
+        if to_named:
             return tuple(kinds), _without_tail(words[end - 1 :])
         start = len(words) if whole else after
     return tuple(kinds), _without_tail(words[start:])

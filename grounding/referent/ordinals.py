@@ -25,6 +25,7 @@ _NON_POSITIONAL = frozenset(("ahead", "behind_ego", "moving", "stopped", "brakin
 SORT_KEYS: Mapping[str, tuple[Callable[[ObjectTable], FloatArray], float]] = {
     "nearest": (lambda table: table.distance_m, 0.3),
     "farthest": (lambda table: -table.distance_m, 0.3),
+    "at_end": (lambda table: -table.distance_m, 0.3),  # of a row of vehicles
     "leftmost": (lambda table: -table.xy_m[:, 1], 0.2),
     "rightmost": (lambda table: table.xy_m[:, 1], 0.2),
     "largest": (lambda table: -table.size_m[:, 0] * table.size_m[:, 1], 0.5),

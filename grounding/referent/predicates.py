@@ -51,6 +51,12 @@ def _is_behind_ego(table: ObjectTable) -> FloatArray:
     return rising(-x, 1.0, 0.6) * falling(x - np.abs(y), 1.0, 1.5)
 
 
+def _is_beside_ego(table: ObjectTable) -> FloatArray:
+    """Return the degree (N,) to which objects are next to the ego."""
+    x, y = table.xy_m.T
+    return falling(np.abs(x - table.ego.centre_m), 4.5, 0.8) * falling(np.abs(y), 2 * LANE_M, 1.0)
+
+
 def in_own_lane(table: ObjectTable) -> FloatArray:
     """Return the degree (N,) to which objects are in the ego lane."""
     return falling(np.abs(table.lateral_m), LANE_M / 2, 0.25)
@@ -180,6 +186,7 @@ QUALIFIERS: Mapping[str, Callable[[ObjectTable], FloatArray]] = {
     "other_lane": _is_in_other_lane,
     "ahead": is_ahead,
     "behind_ego": _is_behind_ego,
+    "beside_ego": _is_beside_ego,
     "parked": _is_parked,
     "stopped": _is_stopped,
     "moving": _is_moving,

@@ -34,6 +34,8 @@ _IN_LINE = (
 # Sides that are named by their traffic, as sides of a goal.
 _SIDES_BY_TRAFFIC = {"opposite": "opposite", "own": "kerb"}
 _KERBS = ("kerb", "curb", "roadside", "kerbside", "curbside")
+# Places of vehicles that say nothing of a goal: "stop next to us".
+_OF_VEHICLES = ("beside_ego", "at_end")
 # Kinds of words between a distance and its reference.
 _BEFORE_REFERENCE = ("relation", "between", "away", "where")
 
@@ -171,7 +173,7 @@ def handle_ego_place(state: DiscourseState, token: Token) -> None:
         # "The second van on the right: park in front".
         attach_target(state, "in_front_of", NounPhrase(kind="pronoun", head="it", start=token.start))
         return
-    if token.value == "beside_ego" or _qualify_open_phrase(state, token):
+    if _qualify_open_phrase(state, token) or token.value in _OF_VEHICLES:
         return
     attach_distance(state, "travel_or_gap")
     if token.value not in state.host_frame.goal_qualifiers:
