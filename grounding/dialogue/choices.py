@@ -172,7 +172,11 @@ def take_other(talk: Conversation, text: str) -> Answer:
     left = [one for one in state.offered if one.item.id not in rejected]
     if len(state.offered) > 1 and left:
         return talk.narrow(left, request)
-    for wanted in (request, without_qualifiers(request)):
+    plain = without_qualifiers(request)
+    before = [one for one in state.spoken if one.item.id not in rejected]
+    if plain.query.referent is not None and (known := find_fitting(reading_of(plain.query.referent), before, talk.scene)):
+        return talk.choose(known[0], plain)
+    for wanted in (request, plain):
         found = resolve(wanted.query, without(talk.scene, rejected))
         if found.status == "ok" and found.candidates:
             return talk.choose(found.candidates[0], wanted)

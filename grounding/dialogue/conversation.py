@@ -163,7 +163,7 @@ class Conversation:
         about = next((i for i, step in enumerate(answer.steps) if step.status != "ok"), None)
         if about is None:
             about = next((i for i, step in enumerate(steps) if step.query == answer.query), len(steps) - 1)
-        state = replace(self.state, asked=steps, at=about)
+        state = replace(self.state.with_spoken(answer.referent), asked=steps, at=about)
         if answer.status == "ok":
             steps = tuple(
                 replace(step, chosen=done.referent)

@@ -11,6 +11,8 @@ from grounding.requests import Request
 
 # Plans that a conversation can go back to.
 _MAX_EARLIER = 8
+# Vehicles that are remembered for "the other one".
+_MAX_SPOKEN = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +28,7 @@ class Memory:
         topic: description of vehicles that were counted; None if a referent came after.
         question: answer whose question is open; None without one.
         offered: candidates of the last question.
+        spoken: vehicles that answers were about, the last one first.
         rejected: ids of the candidates that were refused since the last command.
         earlier: plans that were in force before and had other steps, the last one first.
     """
@@ -38,12 +41,20 @@ class Memory:
     topic: Referent | None = None
     question: Answer | None = None
     offered: tuple[Candidate, ...] = ()
+    spoken: tuple[Candidate, ...] = ()
     rejected: frozenset[str] = frozenset()
     earlier: tuple[tuple[Request, ...], ...] = ()
 
     def with_earlier(self) -> Memory:
         """Return the memory with the plan in force among the earlier ones."""
         return replace(self, earlier=(self.plan, *self.earlier)[:_MAX_EARLIER]) if self.plan else self
+
+    def with_spoken(self, vehicle: Candidate | None) -> Memory:
+        """Return the memory after an answer about a vehicle."""
+        if vehicle is None:
+            return self
+        before = (one for one in self.spoken if one.item.id != vehicle.item.id)
+        return replace(self, spoken=(vehicle, *before)[:_MAX_SPOKEN])
 
     @property
     def request(self) -> Request | None:
