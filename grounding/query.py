@@ -38,6 +38,8 @@ _POSTMODIFIERS = {
     **{f"{which}_lane": f"in the {which} lane" for which in ("left", "right", "middle", "other")},
     "own_lane": "in our lane",
 }
+# Qualifiers that the labelled command files do not have.
+_NOT_LABELLED = ("beside_ego", "at_end")
 
 
 @dataclass(frozen=True)
@@ -73,18 +75,24 @@ class Referent:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the referent with the keys of labelled command files."""
-        named = {"clothes": self.clothes} if self.clothes else {}  # the labelled files have no such key
-        return named | {
-            "noun": self.noun,
-            "noun_alt": ["bicycle"] if self.head == "bike" else [],
-            "head": self.head,
-            "colour": self.colour,
-            "qualifiers": list(self.qualifiers),
-            "qualifiers_optional": list(self.qualifiers_optional),
-            "number": self.number,
-            "anaphora": self.anaphora,
-            "extra": list(self.extra),
-        }
+        # The labelled files have neither clothes nor these qualifiers.
+        more = [word for word in self.qualifiers if word in _NOT_LABELLED]
+        named = {"clothes": self.clothes} if self.clothes else {}
+        return (
+            named
+            | ({"more_qualifiers": more} if more else {})
+            | {
+                "noun": self.noun,
+                "noun_alt": ["bicycle"] if self.head == "bike" else [],
+                "head": self.head,
+                "colour": self.colour,
+                "qualifiers": [word for word in self.qualifiers if word not in more],
+                "qualifiers_optional": list(self.qualifiers_optional),
+                "number": self.number,
+                "anaphora": self.anaphora,
+                "extra": list(self.extra),
+            }
+        )
 
     def phrase(self) -> str:
         """Return the referent as an English noun phrase without an article."""

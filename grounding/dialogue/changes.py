@@ -27,6 +27,7 @@ from grounding.dialogue.telling import said
 from grounding.dialogue.turns import Turn
 from grounding.goal.shift import Shift
 from grounding.language import Reading, WordCategory
+from grounding.language.reader.fields import QUALIFIERS
 from grounding.language.replies import Reply, named_distance
 from grounding.language.revised_readings import evidence_of
 from grounding.query import Query, Referent
@@ -161,7 +162,7 @@ def _answer_description(
     reading = read_description(reply.rest, talk.antecedent, talk.readings, whole=True)
     told = _likeliest(talk, turn) if turn is not None and turn.act == "describe" else None
     if told is not None and (reading is None or _is_simple(reading) or _is_neighbour(talk, reading, told)):
-        reading = told  # only the grammar knows neighbours, and what is not meant
+        reading = _with_own_words(told, reading)  # only the grammar knows neighbours, and what is not meant
     reading = reading or read_description(reply.rest, talk.antecedent, talk.readings)
     if question is not None and (answer := refuse_described(talk, text, reply.rest)):
         return answer
@@ -187,6 +188,15 @@ def _answer_description(
     if question is not None or (turn is not None and talk.state.question is not None):
         return None  # a question stays open if what is not plain fits nothing
     return talk.take(talk.state.with_request(described))
+
+
+def _with_own_words(told: Reading, reading: Reading | None) -> Reading:
+    """Return the description of the network with the qualifiers of the grammar that the network does not know."""
+    said, named = told.query.referent, reading.query.referent if reading is not None else None
+    if said is None or named is None:
+        return told
+    more = tuple(one for one in named.qualifiers if one not in QUALIFIERS and one not in said.qualifiers)
+    return reading_of(replace(said, qualifiers=(*said.qualifiers, *more)))
 
 
 def _is_simple(reading: Reading) -> bool:

@@ -159,7 +159,8 @@ def take_none(talk: Conversation, text: str) -> Answer:
 def take_other(talk: Conversation, text: str) -> Answer:
     """Take the remaining candidate, ask among the remaining ones, or look for another one."""
     state, request = talk.state, talk.state.request
-    if request is None or request.query.referent is None:
+    sought = request.query.referent if request is not None else None
+    if request is None or sought is None:
         return not_understood(talk, text, talk.read(text))
     refused = {one.item.id for one in state.question.candidates[:1]} if state.question else set[str]()
     if state.question is None and request.chosen is not None:
@@ -174,7 +175,7 @@ def take_other(talk: Conversation, text: str) -> Answer:
         return talk.narrow(left, request)
     plain = without_qualifiers(request)
     before = [one for one in state.spoken if one.item.id not in rejected]
-    if plain.query.referent is not None and (known := find_fitting(reading_of(plain.query.referent), before, talk.scene)):
+    if known := find_fitting(reading_of(replace(sought, qualifiers=())), before, talk.scene):
         return talk.choose(known[0], plain)
     for wanted in (request, plain):
         found = resolve(wanted.query, without(talk.scene, rejected))

@@ -38,7 +38,14 @@ from grounding.dialogue.choices import (
 )
 from grounding.dialogue.commands import answer_command, ask_to_stop
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.fragments import carries_on, complete, goes_onto_pavement, has_verb, names_pronoun
+from grounding.dialogue.fragments import (
+    carries_on,
+    complete,
+    goes_onto_pavement,
+    has_verb,
+    names_pronoun,
+    read_description,
+)
 from grounding.dialogue.memory import Memory
 from grounding.dialogue.merging import merge_request
 from grounding.dialogue.reports import (
@@ -57,7 +64,7 @@ from grounding.dialogue.reports import (
 )
 from grounding.dialogue.turns import Turn, read_turn, state_of
 from grounding.goal.shift import Shift
-from grounding.language.reader.fields import NONE
+from grounding.language.reader.fields import NONE, QUALIFIERS
 from grounding.language.replies import Reply, read_reply
 from grounding.language.revised_readings import evidence_of
 from grounding.query import Query
@@ -227,7 +234,8 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
         return dropped
     if act == "no" and "cancel" in reply.kinds:
         return cancel(talk, text)
-    if turn.names_vehicle and (act in ("neither", "previous", "following") or turn.answers_by_description):
+    names = turn.names_vehicle or _names_unlearnt(talk, reply)
+    if names and (act in ("neither", "previous", "following") or turn.answers_by_description):
         return answer_fragment(talk, text, reply, replace(turn, act="describe"))  # "neither, she has the van today"
     if act == "number":
         numbered = _answer_number(talk, text, reply, turn.number)
@@ -252,6 +260,13 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     if act == "undo":
         return go_back(talk, text, turn.described(None), turn.number)
     return _ACTS[act](talk, text) if act in _ACTS else None
+
+
+def _names_unlearnt(talk: Conversation, reply: Reply) -> bool:
+    """Return whether a turn describes a vehicle by a word that its reader has not learnt: "the one next to us"."""
+    described = read_description(reply.rest, talk.antecedent, talk.readings)
+    referent = described.query.referent if described is not None else None
+    return referent is not None and not {*referent.qualifiers} <= {*QUALIFIERS}
 
 
 def _is_lost(talk: Conversation, text: str, reply: Reply) -> bool:

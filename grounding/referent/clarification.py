@@ -37,10 +37,9 @@ def describe_differences(groups: Sequence[CandidateGroup], scene: SceneModel) ->
 
 
 def describe_one(item: SceneObject, scene: SceneModel) -> str:
-    """Describe an object that is asked about on its own: "the green car on the right behind us, 12 m away"."""
+    """Describe an object that is asked about on its own: "the green car on the right, 12 m behind us"."""
     own = _traits(item, scene)
-    words = _describe(item, scene.ego, own, {"side"} if not own["lane"] else set(), full=True, digits=0)
-    return words.replace(",", " behind us,", 1) if own["behind"] else words
+    return _describe(item, scene.ego, own, {"side"} if not own["lane"] else set(), full=True, digits=0)
 
 
 def compose_question(differences: Sequence[str]) -> str:
@@ -96,6 +95,14 @@ def _describe(
     colour = own["colour"] if full or "colour" in distinctive else ""
     head = f"the {item.coloured_name(colour)}" if full or distinctive & {"colour", "class"} else "the one"
     place = " ".join(own[trait] for trait in ("side", "behind", "lane") if trait in distinctive)
-    where = "" if "behind" in distinctive else " ahead" if item.centre_m[0] - ego.centre_m > _BEHIND_M else " away"
+    where = "" if "behind" in distinctive else f" {_direction(item, ego, 'side' in distinctive)}"
     parts = [" ".join(f"{head} {place}".split()), *([own["motion"]] if "motion" in distinctive else [])]
     return ", ".join([*parts, f"{item.distance_m(ego):.{digits}f} m{where}"])
+
+
+def _direction(item: SceneObject, ego: EgoVehicle, side_is_told: bool) -> str:
+    """Return where an object is from the ego."""
+    x, y = item.centre_m[0] - ego.centre_m, item.centre_m[1]
+    if abs(x) <= _BEHIND_M:
+        return "away" if side_is_told else "to the left" if y > 0 else "to the right"
+    return "ahead" if x > 0 else "behind us"

@@ -35,15 +35,28 @@ def question_about(
     if not scene.table.is_vehicle[row] or referent.noun in PERSON_NOUNS:
         return ""
     item = scene.table.items[row]
-    if referent.colour and item.rgb is not None and word_fits[referent.colour] < _LEAST_COLOUR_FIT:
-        return f"no {referent.colour} {referent.head} is seen: do you mean {describe_one(item, scene)}?"
-    known = scene.table.class_names[row] != "vehicle" and referent.head in word_fits
-    if known and word_fits[referent.head] < _LEAST_CLASS_FIT:
+    coloured = f"{referent.colour or ''} {referent.head}".strip()
+    if _has_other_colour(referent, row, word_fits, scene):
+        return f"no {coloured} is seen: do you mean {describe_one(item, scene)}?"
+    if _has_other_class(referent, row, word_fits, scene):
         return f"no {referent.head} is seen: do you mean {describe_one(item, scene)}?"
     where = _out_of_sight(query, referent, row, scene)
-    return (
-        f"there is no {referent.head} ahead, only {where}: do you mean {describe_one(item, scene)}?" if where else ""
-    )
+    return f"there is no {coloured} ahead, only {where}: do you mean {describe_one(item, scene)}?" if where else ""
+
+
+def fits_badly(referent: Referent, row: int, word_fits: Mapping[str, float], scene: SceneModel) -> bool:
+    """Return whether an object has another colour or class than the words; arguments as in `question_about`."""
+    return _has_other_colour(referent, row, word_fits, scene) or _has_other_class(referent, row, word_fits, scene)
+
+
+def _has_other_colour(referent: Referent, row: int, word_fits: Mapping[str, float], scene: SceneModel) -> bool:
+    known = referent.colour is not None and scene.table.items[row].rgb is not None
+    return known and word_fits[referent.colour or ""] < _LEAST_COLOUR_FIT
+
+
+def _has_other_class(referent: Referent, row: int, word_fits: Mapping[str, float], scene: SceneModel) -> bool:
+    known = scene.table.class_names[row] != "vehicle" and referent.head in word_fits
+    return known and word_fits[referent.head] < _LEAST_CLASS_FIT
 
 
 def _out_of_sight(query: Query, referent: Referent, row: int, scene: SceneModel) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from grounding.query import Landmark, LandmarkRelation, Query, Referent
 from grounding.referent.clarification import compose_question, describe_differences, describe_one
 from grounding.referent.class_fit import KNOWN_NOUNS, PERSON_NOUNS, VEHICLE_NOUNS
-from grounding.referent.doubts import question_about
+from grounding.referent.doubts import fits_badly, question_about
 from grounding.referent.fuzzy import gaussian
 from grounding.referent.ordinals import find_ordinals
 from grounding.referent.predicates import to_referent
@@ -110,6 +110,8 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
         return _ambiguous(referent, _candidates(listed[:limit], scene, scores), len(tied), scene, scores)
     candidates = _candidates(choices[:limit], scene, scores)
     question = question_about(sought, referent, choices[0].row, candidates[0].fits, scene)
+    if question and fits_badly(referent, choices[0].row, candidates[0].fits, scene):
+        candidates, question = _ask_about_fitting(sought, referent, choices, scene, scores) or (candidates, question)
     if question:
         described = describe_one(candidates[0].item, scene)
         reason = f"what fits '{referent.phrase()}' best is {described}"
@@ -119,6 +121,18 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
         reasons.insert(0, f"no people are known here: '{referent.phrase()}' tells where")
     reasons += _explain_nearer(referent, choices[0].row, scores, scene)
     return Resolution("ok", candidates, (*reasons, *scores.notes))
+
+
+def _ask_about_fitting(
+    query: Query, referent: Referent, choices: Sequence[_Choice], scene: SceneModel, scores: ReferentScores
+) -> tuple[tuple[Candidate, ...], str] | None:
+    """Return the best object that all words fit and that is out of sight, and the question about it; else None."""
+    for one in choices:
+        if all(fit[one.row] >= _DOUBTFUL_FIT for fit in scores.word_fits.values()):
+            candidates = _candidates([one], scene, scores)
+            question = question_about(query, referent, one.row, candidates[0].fits, scene)
+            return (candidates, question) if question else None
+    return None
 
 
 def with_partner(chosen: Candidate, query: Query, scene: SceneModel) -> Candidate:

@@ -20,7 +20,7 @@ def test_a_vehicle_behind_us_is_asked_about() -> None:
     scene = Street().car("behind", -14, -3, RED).scene()
     found = ask(scene)
     assert found.status == "ambiguous"
-    assert found.question.startswith("there is no car ahead, only one behind us: do you mean the red car")
+    assert found.question.startswith("there is no red car ahead, only one behind us: do you mean the red car")
     assert [one.item.id for one in found.candidates] == ["behind"]
     assert ask(scene, qualifiers=("behind_ego",)).status == "ok"
 

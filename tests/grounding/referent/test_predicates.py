@@ -244,7 +244,7 @@ def test_every_qualifier_of_commands_has_a_predicate() -> None:
             "other_lane",
         ),
         *("middle_lane", "ahead", "behind_ego", "parked", "stopped", "moving", "oncoming", "same_way", "turning"),
-        *("turning_left", "turning_right", "leaving", "passing", "braking"),
+        *("turning_left", "turning_right", "leaving", "passing", "braking", "beside_ego"),
     }
 
 
