@@ -58,6 +58,8 @@ TRACK = np.dtype(
         ("front_votes", np.float64),  # evidence for the end that is taken as front
         ("hidden", np.float64),  # share that nearer boxes hid in the last frame with a miss
         ("axis", np.float64, 2),  # smoothed vector at twice the heading
+        ("earlier_axis", np.float64, 2),  # the same, smoothed twice
+        ("innovation_m", np.float64, 2),  # of the last detection; NaN for a new track
         ("detected", np.float64, 2),  # sum and weight of the evidence of detections
         ("with_misses", np.float64, 2),  # the same with misses
     ],

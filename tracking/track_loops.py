@@ -186,11 +186,14 @@ def follow(
         if seen.log_odds >= confirm_log_odds or track.tracked_s >= confirm_s:
             track.confirmed = True
 
-        # The axis is smoothed as a vector at twice its angle; then the front is voted on.
+        # The axis is smoothed as a vector at twice its angle; then the front is voted on. Smoothing twice tells by how
+        # much the axis lags in a bend (double exponential smoothing, Brown 1956).
         keep = np.exp(-seconds / heading_smoothing_s)
         for k in range(2):
             track.axis[k] = keep * track.axis[k] + (1 - keep) * seen.axis[k]
-        yaw = np.arctan2(track.axis[1], track.axis[0]) / 2
+            track.earlier_axis[k] = keep * track.earlier_axis[k] + (1 - keep) * track.axis[k]
+        ahead_x, ahead_y = 2 * track.axis[0] - track.earlier_axis[0], 2 * track.axis[1] - track.earlier_axis[1]
+        yaw = np.arctan2(ahead_y, ahead_x) / 2
         if np.cos(yaw - track.yaw_rad) < 0:
             yaw += np.pi
         votes = track.front_votes + seen.heading_known * np.cos(seen.yaw_world_rad - yaw)

@@ -255,13 +255,12 @@ class TrackTable:
         steady = np.empty(len(rows), np.bool_)
         known = medians.count, medians.median
         measure(state, found, rows, columns, turn_rad, self._step_s, *known, xy_m, values, steady)
-        self._classes.learn_noise(
-            found,
-            columns,
-            xy_m - self.filters.mean.take(rows, axis=0)[:, :2],
-            self.filters.cov.take(rows, axis=0),
-            steady,
-        )
+        innovation_m = xy_m - self.filters.mean.take(rows, axis=0)[:, :2]
+        # Noise differs from detection to detection; what repeats itself is the lag of a track in a bend.
+        noise_m = (innovation_m - state["innovation_m"].take(rows, axis=0)) / np.sqrt(2)
+        state["innovation_m"][rows] = innovation_m
+        steady &= np.isfinite(noise_m[:, 0])
+        self._classes.learn_noise(found, columns, noise_m, self.filters.cov.take(rows, axis=0), steady)
         self.filters.update(rows, xy_m, noise_m2 - found["surplus_noise_m2"].take(columns, axis=0))
         medians.update(rows, values)
         state["moving"] = self.filters.is_moving()
@@ -280,6 +279,7 @@ class TrackTable:
         self._medians.add(np.concatenate([new["size_m"], new["rgb"], new["lab"]], axis=1))
         born = np.zeros(len(ids), TRACK)
         born["id"], born["kind"], born["yaw_rad"], born["axis"] = ids, new["kind"], new["yaw_world_rad"], new["axis"]
+        born["earlier_axis"], born["innovation_m"] = new["axis"], np.nan
         self.state = append(self.state, born)
         self._follow(np.arange(n, n + len(ids)), found, columns)
 
