@@ -56,6 +56,7 @@ TRACK = np.dtype(
         ("tracked_s", np.float64),  # time from the first to the last detection
         ("ground_m", np.float64),  # height of the ground
         ("front_votes", np.float64),  # evidence for the end that is taken as front
+        ("front_known", np.bool_),  # whether detections or motion tell it
         ("hidden", np.float64),  # share that nearer boxes hid in the last frame with a miss
         ("axis", np.float64, 2),  # smoothed vector at twice the heading
         ("earlier_axis", np.float64, 2),  # the same, smoothed twice

@@ -27,6 +27,8 @@ _MOST_MISSED = 40
 _RETURN_RATE, _RETURN_WEIGHT = 0.2, 4.0
 # Number of detections after which a track's velocity is known.
 _STEADY_DETECTIONS = 5
+# A vehicle reverses below this speed, if so many votes of its detections agree on its front.
+_REVERSING_MPS, _AGREED_VOTES = 4.0, 5.0
 # Variance of a median relative to that of a mean: pi / 2 for large Gaussian samples, plus an allowance for lighting.
 _MEDIAN_VARIANCE = 2.0
 
@@ -45,10 +47,11 @@ def advance(
     mean: FloatArray,
     seconds: float,
     lost_s: float,
+    heading_smoothing_s: float,
     moving_s: FloatArray,
     psd_m2ps3: FloatArray,
 ) -> None:
-    """Advance the times of tracks with states (N, 4); all are unmatched.
+    """Advance the times of tracks with states (N, 4), and turn their velocities in bends; all are unmatched.
 
     The times for which they move (N,), and the spectral densities (N, 2, 2) of their acceleration, see
     `acceleration_psd`, are written to the last arguments.
@@ -64,10 +67,21 @@ def advance(
         psd_m2ps3[n, 0, 0] = across + (along - across) * cos * cos
         psd_m2ps3[n, 1, 1] = across + (along - across) * sin * sin
         psd_m2ps3[n, 0, 1] = psd_m2ps3[n, 1, 0] = (along - across) * cos * sin
+        if track.moving and model.heading_weight > 0 and track.unseen_s == 0:
+            _turn_velocity(mean[n], track, 1 - np.exp(-seconds / heading_smoothing_s))
         track.moved_s += moving_s[n]
         track.unseen_s += seconds
         track.missed_s += seconds
         track.detection = -1
+
+
+@compiled
+def _turn_velocity(mean: FloatArray, track: Any, share: float) -> None:
+    """Turn the velocity of a state (4,) as the heading turns: by a share of the lag of the axis smoothed twice."""
+    (x, y), (earlier_x, earlier_y) = track.axis, track.earlier_axis
+    turn = share * np.arctan2(earlier_x * y - earlier_y * x, earlier_x * x + earlier_y * y) / 2
+    cos, sin = np.cos(turn), np.sin(turn)
+    mean[2], mean[3] = cos * mean[2] - sin * mean[3], sin * mean[2] + cos * mean[3]
 
 
 @compiled
@@ -186,8 +200,8 @@ def follow(
         if seen.log_odds >= confirm_log_odds or track.tracked_s >= confirm_s:
             track.confirmed = True
 
-        # The axis is smoothed as a vector at twice its angle; then the front is voted on. Smoothing twice tells by how
-        # much the axis lags in a bend (double exponential smoothing, Brown 1956).
+        # The axis is smoothed as a vector at twice its angle; then the front is voted on. Smoothing twice tells how
+        # far the axis lags in a bend (double exponential smoothing, Brown 1956).
         keep = np.exp(-seconds / heading_smoothing_s)
         for k in range(2):
             track.axis[k] = keep * track.axis[k] + (1 - keep) * seen.axis[k]
@@ -197,13 +211,18 @@ def follow(
         if np.cos(yaw - track.yaw_rad) < 0:
             yaw += np.pi
         votes = track.front_votes + seen.heading_known * np.cos(seen.yaw_world_rad - yaw)
-        drives = track.moving and np.hypot(mean[n, 2], mean[n, 3]) >= front_from_motion_mps
+        speed = np.hypot(mean[n, 2], mean[n, 3])
+        drives = track.moving and speed >= front_from_motion_mps
+        # A slow vehicle whose detections agree on its front may reverse.
+        drives &= speed >= _REVERSING_MPS or abs(votes) < _AGREED_VOTES
         forward = mean[n, 2] * np.cos(yaw) + mean[n, 3] * np.sin(yaw) if drives else votes
         if forward < 0:
-            yaw += np.pi
+            yaw, votes = yaw + np.pi, -votes
         track.yaw_rad = (yaw + np.pi) % (2 * np.pi) - np.pi
-        # Motion counts as one vote at least; the votes now refer to the end chosen as front.
-        track.front_votes = max(abs(votes), 1.0 * drives)
+        # The votes now refer to the end chosen as front; motion counts as one, and fast motion overrules all.
+        proved = drives and (speed >= _REVERSING_MPS or votes >= 0)
+        track.front_votes = max(votes, 1.0) if proved else votes
+        track.front_known = drives or votes > 0
 
 
 @compiled

@@ -171,6 +171,7 @@ class TrackTable:
             self.filters.mean,
             seconds,
             float(self._config.lost_s),
+            float(self._config.heading_smoothing_s),
             moving_s,
             psd_m2ps3,
         )
@@ -316,7 +317,7 @@ class TrackTable:
             position_world_m=self.position_world_m.compress(mask, axis=0),
             velocity_world_mps=mean[:, 2:],
             yaw_world_rad=state["yaw_rad"],
-            heading_known=state["front_votes"] > 0,
+            heading_known=state["front_known"],
             size_m=median[:, SIZE],
             rgb=median[:, RGB],
             score=self.score.compress(mask),

@@ -21,7 +21,7 @@ from tracking.track_table import LifecycleConfig, TrackTable
 from tracking.tracks import Tracks
 from tracking.world_detections import detections_in_world
 
-REMATCH_STAGE = AssociationConfig(gate_speed_mps=20.0, gate_chi2=30.0, max_gate_m=12.0, max_cost=15.0)
+REMATCH_STAGE = AssociationConfig(gate_speed_mps=30.0, gate_chi2=30.0, max_gate_m=16.0, max_cost=15.0)
 # A detection at the place of a track is the same vehicle, whatever colour it has now.
 SAME_PLACE_STAGE = AssociationConfig(min_gate_m=1.0, gate_chi2=0.0, gate_speed_mps=0.0, max_gate_m=1.0, max_cost=15.0)
 LOST_STAGE = AssociationConfig(min_gate_m=1.0, gate_chi2=12.0, max_gate_m=40.0, max_cost=3.0)

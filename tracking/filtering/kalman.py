@@ -13,7 +13,7 @@ from appocc.checks import BoolArray, FloatArray, IntArray
 from tracking.compiled import compiled
 
 # Number of standard deviations by which a moving vehicle's velocity differs from zero.
-_MOVING_SIGMA = 3.0
+_MOVING_SIGMA = 2.0
 # Added to angles before a division, so that sin(0) / 0 is 1.
 _TINY = 1e-300
 
@@ -123,7 +123,7 @@ class KalmanFilters:
         return np.asarray(np.hypot(self.mean[:, 2], self.mean[:, 3]))
 
     def is_moving(self) -> BoolArray:
-        """(N,) whether the velocity differs from zero by at least three standard deviations."""
+        """(N,) whether the velocity differs from zero by at least two standard deviations."""
         moving = np.empty(len(self.mean), np.bool_)
         _find_moving(self.mean, self.cov, moving)
         return moving
