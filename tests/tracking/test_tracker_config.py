@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,8 @@ from tracking.filtering.kalman import MotionConfig
 from tracking.presets import PEOPLE_IN_IMAGE, PEOPLE_ON_GROUND
 from tracking.track_table import LifecycleConfig
 
+PAGE = Path(__file__).parents[2] / "docs" / "tracking.md"
+OWNERS = {own.__name__: own for own in (TrackerConfig, LifecycleConfig, AssociationConfig)}
 WRONG: list[tuple[Callable[[], Any], str]] = [
     (lambda: TrackerConfig(high_threshold=np.nan), "TrackerConfig.high_threshold: expected a number .*, got nan"),
     (lambda: TrackerConfig(low_threshold="a"), "TrackerConfig.low_threshold: expected a number .*, got 'a'"),  # type: ignore[arg-type]
@@ -39,6 +43,20 @@ WRONG: list[tuple[Callable[[], Any], str]] = [
 def test_values_that_cannot_be_are_refused(make: Callable[[], Any], complaint: str) -> None:
     with pytest.raises(ShapeError, match=complaint):
         make()
+
+
+def test_the_example_of_the_documentation() -> None:
+    tuning = PAGE.read_text().partition("## Tuning")[2].partition("## Speed")[0]
+    names: dict[str, Any] = {}
+    exec(compile(tuning.split("```python\n")[1].split("```")[0], str(PAGE), "exec"), names)
+    config = names["tracker"].config
+    assert (config.lifecycle.coast_s, config.association.max_cost) == (0.8, 8.0)
+    assert config.classes["car"].motion.along_accel_psd_m2ps3 == 2.0
+    assert config.classes["pedestrian"] == CLASS_MODELS["pedestrian"]
+    for row in re.findall(r"^\| (`.*?`) \|", tuning, re.MULTILINE):
+        owner, *fields = re.findall(r"\w+", row)
+        if owner != "ClassModel":
+            assert all(hasattr(OWNERS[owner], name) for name in fields), row
 
 
 @pytest.mark.parametrize("config", [TrackerConfig(), MAPS, OBJECTS, PEOPLE_IN_IMAGE, PEOPLE_ON_GROUND])
