@@ -123,8 +123,9 @@ class Detections:
         unknown = np.full((n, 3), np.nan)
         colours = unknown if rgb is None else _as_array("rgb", rgb, (3,), np.float64)
         check_shape("detections rgb", colours, (n, 3))
-        if 0 < np.nan_to_num(colours).max(initial=0.0) <= 1 and (np.nan_to_num(colours) % 1).any():
-            raise ShapeError(f"detections rgb: expected sRGB 0..255, got 0..{np.nanmax(colours):g}")
+        known = colours[np.isfinite(colours)]
+        if (known % 1).any() and known.max() <= 1:
+            raise ShapeError(f"detections rgb: expected sRGB 0..255, got 0..{known.max():g}")
         # `__post_init__` converts them.
         kinds = (kind,) * n if isinstance(kind, str) else kind
         as_given: dict[str, Any] = {"yaw_rad": yaw_rad, "size_m": size_m, "log_odds": log_odds, "kind": kinds}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -53,7 +54,7 @@ def track_kitti_command(
     scores = score_sequences([(one.sequence, one.results) for one in outcomes], least)
     for kind, own in scores.items():
         show_metrics(kind, {"written": own.metrics, "track cut": own.at_best_cut, "causal cut": own.at_causal_cut})
-        if best:
+        if math.isfinite(own.best_cut):
             say(f"track cut: mean score from {own.best_cut:.4f}; causal cut: score so far from {own.causal_cut:.4f}")
     if not scores:
         say(f"{_unscored(sequences)}: nothing to be scored against")

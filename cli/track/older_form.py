@@ -12,7 +12,7 @@ from typer.core import TyperGroup
 from appocc.errors import AppoccError
 from cli.common import JsonOption, TrustUnseenOption, VersionOption, in_path, local_path, out_path
 from cli.track.detector_files import track_kitti_command, track_mot_command
-from cli.track.options import ALL_SCORES, KITTI_MIN_SCORE, SmoothOption, VideoOption, no_nan
+from cli.track.options import ALL_SCORES, KITTI_MIN_SCORE, SmoothOption, VideoOption
 from cli.track.scenes import track_detections_command, track_scene_command
 
 # Hidden sub-command for the form without sub-commands.
@@ -49,7 +49,7 @@ def track_older_form(
     fps: Annotated[float | None, typer.Option("--fps", help="Frame rate of the --mot file.")] = None,
     smooth: SmoothOption = False,
     min_score: Annotated[
-        float | None, typer.Option("--min-score", min=0.0, max=1.0, callback=no_nan, help="As in the sub-commands.")
+        float | None, typer.Option("--min-score", min=0.0, max=1.0, help="As in the sub-commands.")
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", parser=out_path, help="Output folder; defaults as in the sub-commands.")

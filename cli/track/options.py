@@ -13,26 +13,12 @@ SmoothOption = Annotated[
     bool,
     typer.Option("--smooth", help="Offline smoothing: smooth paths, fill gaps, drop predictions after the last hit."),
 ]
-
-
-def no_nan(score: float | None) -> float | None:
-    """Return a score; NaN, which is neither below nor above the limits, is refused.
-
-    Raises:
-        typer.BadParameter: if it is NaN.
-    """
-    if score is not None and score != score:
-        raise typer.BadParameter("expected a number, got nan")
-    return score
-
-
 MinScoreOption = Annotated[
     float,
     typer.Option(
         "--min-score",
         min=0.0,
         max=1.0,
-        callback=no_nan,
         help="Write a track only in frames in which its score, a probability, is at least this.",
     ),
 ]
