@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from appocc.errors import ShapeError
 
@@ -52,6 +53,18 @@ def check_finite(name: str, array: NDArray[np.generic]) -> None:
     bad = int(np.size(array) - np.count_nonzero(np.isfinite(np.asarray(array, dtype=np.float64))))
     if bad:
         raise ShapeError(f"{name}: expected finite numbers, got {bad} of {np.size(array)} that are not")
+
+
+def as_array(name: str, values: ArrayLike, dtype: type[np.generic] = np.float64) -> NDArray[Any]:
+    """Return a copy of an array, or of lists of numbers, as an array of a type.
+
+    Raises:
+        ShapeError: if they are no numbers.
+    """
+    try:
+        return np.array(values, dtype=dtype, order="C")
+    except (TypeError, ValueError) as error:
+        raise ShapeError(f"{name}: expected an array of numbers ({error})") from error
 
 
 def check_place(name: str, array: NDArray[np.generic]) -> None:

@@ -79,6 +79,16 @@ CLASS_MODELS: Mapping[str, ClassModel] = {
 }
 
 
+# Names of the same classes in KITTI, COCO and other data sets, in lower case.
+_SAME_CLASS = {
+    "person": "pedestrian",
+    "person_sitting": "pedestrian",
+    "cyclist": "bicycle",
+    "motorbike": "motorcycle",
+    "motorcyclist": "motorcycle",
+}
+
+
 # The fields of `MotionConfig` and of `ClassModel` as a record.
 CLASS_PARAMETERS = np.dtype([(each.name, np.float64) for each in (*fields(MotionConfig), *fields(ClassModel)[1:])])
 
@@ -108,11 +118,19 @@ class ClassTable:
         """Return the numbers (N,) of N categories; new ones get the next."""
         for kind in [kind for kind in dict.fromkeys(kinds) if kind not in self._numbers]:
             self._numbers[kind] = len(self._numbers)
-            model = self._models.get(kind, self._default)
+            model = self._model(kind)
             new = np.array([(*astuple(model.motion), *astuple(model)[1:])], CLASS_PARAMETERS)
             self.models = append(self.models, new)
             self._set_noise(np.pad(self._noise, ((0, 0), (0, 0), (0, 1))))
         return np.array([self._numbers[kind] for kind in kinds], dtype=np.int64)
+
+    def _model(self, kind: str) -> ClassModel:
+        """Return the model of a category under its own name, in lower case, or under the name that it has here."""
+        plain = kind.lower()
+        for name in (kind, plain, _SAME_CLASS.get(plain, plain)):
+            if name in self._models:
+                return self._models[name]
+        return self._default
 
     def noise_level(self, log_odds: FloatArray) -> IntArray:
         """Return the intervals (N,) of log-odds (N,), each of which has a learnt noise of its own."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from appocc.bevmap import VEHICLE, BEVMap
 from appocc.boxes import LARGEST_M
-from appocc.checks import BoolArray, FloatArray, IntArray, check_finite, check_place, check_shape, frozen
+from appocc.checks import BoolArray, FloatArray, IntArray, as_array, check_finite, check_place, check_shape, frozen
 from appocc.colours import lab_from_rgb
 from appocc.errors import ShapeError
 from appocc.geometry import footprints
@@ -25,6 +25,8 @@ from tracking.neighbours import find_neighbours
 MAX_LOG_ODDS = 12.0
 # Limit of given log-odds, such as detector scores, so that sums do not overflow.
 _MAX_GIVEN_LOG_ODDS = 1e9
+# Means of sRGB may exceed 255 by rounding.
+_ROUNDING = 1e-6
 # One category for all vehicles: a track keeps its id if the predicted class changes from car to truck.
 _VEHICLE = "vehicle"
 # Maximum radius of duplicate suppression: half the width of the widest vehicle.
@@ -66,8 +68,10 @@ class Detections:
 
         Raises:
             ShapeError: if a shape differs, a required number is not finite, a position is farther than any on Earth,
-                or a size is not positive.
+                a size is not positive, a colour is outside 0..255, a category is no name, or the view is none.
         """
+        if not isinstance(self.view, FieldOfView):
+            raise ShapeError(f"detections view: expected a view such as CircularView(50.0), got {self.view!r}")
         n = len(self.ground_m)
         for name, (width, kind) in _ARRAYS.items():
             # A copy of the caller's array, or of his list.
@@ -80,7 +84,7 @@ class Detections:
             check_finite(f"detections {name}", getattr(self, name))
         check_finite("detections width and length", self.size_m[:, :2])
         _check_values(self)
-        object.__setattr__(self, "kind", tuple(self.kind))
+        object.__setattr__(self, "kind", _checked_names(self.kind))
         if len(self.kind) != n:
             raise ShapeError(f"detections kind: expected {n} names, got {len(self.kind)}")
 
@@ -110,7 +114,7 @@ class Detections:
             velocity_mps: (N, 2) velocities, NaN where unknown; by default unknown.
 
         Raises:
-            ShapeError: as in `Detections`.
+            ShapeError: as in `Detections`, or if colours are 0..1.
         """
         ground = _as_array("ground_m", ground_m, (3,), np.float64)
         n = len(ground)
@@ -119,18 +123,21 @@ class Detections:
         unknown = np.full((n, 3), np.nan)
         colours = unknown if rgb is None else _as_array("rgb", rgb, (3,), np.float64)
         check_shape("detections rgb", colours, (n, 3))
+        known = colours[np.isfinite(colours)]
+        if (known % 1).any() and known.max() <= 1:
+            raise ShapeError(f"detections rgb: expected sRGB 0..255, got 0..{known.max():g}")
         # `__post_init__` converts them.
-        as_given: dict[str, Any] = {"yaw_rad": yaw_rad, "size_m": size_m, "log_odds": log_odds}
+        kinds = (kind,) * n if isinstance(kind, str) else kind
+        as_given: dict[str, Any] = {"yaw_rad": yaw_rad, "size_m": size_m, "log_odds": log_odds, "kind": kinds}
         return cls(
             **as_given,
             ground_m=ground,
             heading_known=np.ones(n, np.bool_),
-            kind=(kind,) * n if isinstance(kind, str) else tuple(kind),
             rgb=colours,
             lab=unknown if rgb is None else lab_from_rgb(colours),
             velocity_mps=unknown[:, :2] if velocity_mps is None else np.asarray(velocity_mps, np.float64),
             truncated=np.zeros(n, np.bool_),
-            view=view or CircularView(),
+            view=CircularView() if view is None else view,
         )
 
     @classmethod
@@ -291,10 +298,7 @@ def _as_array(name: str, values: ArrayLike, width: tuple[int, ...], kind: type[n
     Raises:
         ShapeError: if they are no numbers.
     """
-    try:
-        array = np.array(values, dtype=kind, order="C")
-    except (TypeError, ValueError) as error:
-        raise ShapeError(f"detections {name}: expected an array of numbers ({error})") from error
+    array = as_array(f"detections {name}", values, kind)
     return array.reshape(0, *width) if array.shape == (0,) else array
 
 
@@ -310,12 +314,36 @@ def _check_values(detections: Detections) -> None:
     for name in ("rgb", "lab", "velocity_mps"):
         if np.isinf(getattr(detections, name)).any():
             raise ShapeError(f"detections {name}: expected finite numbers, or NaN where unknown, got infinity")
+    outside = (detections.rgb < -_ROUNDING) | (detections.rgb > 255 + _ROUNDING)
+    if outside.any():
+        raise ShapeError(f"detections rgb: expected sRGB 0..255, got {detections.rgb[outside][0]:g}")
 
 
-def log_odds_from_probability(probability: FloatArray) -> FloatArray:
-    """Return the log-odds of probabilities, clipped to `MAX_LOG_ODDS`."""
+def _checked_names(kind: object) -> tuple[str, ...]:
+    """Return names of categories as a tuple.
+
+    Raises:
+        ShapeError: if one is no text, or empty.
+    """
+    names = tuple(kind) if isinstance(kind, Iterable) and not isinstance(kind, str) else (kind,)
+    for name in names:
+        if not (isinstance(name, str) and name):
+            raise ShapeError(f"detections kind: expected names of classes, got {name!r}")
+    return names
+
+
+def log_odds_from_probability(probability: ArrayLike) -> FloatArray:
+    """Return the log-odds of probabilities, clipped to `MAX_LOG_ODDS`.
+
+    Raises:
+        ShapeError: if one is not in 0..1; scores of another unit may be log-odds already.
+    """
+    given = np.asarray(probability, dtype=np.float64)
+    if not ((given >= 0) & (given <= 1)).all():
+        wrong = given[~((given >= 0) & (given <= 1))]
+        raise ShapeError(f"probability: expected numbers in 0..1, got {wrong.flat[0]:g}")
     lowest = 1 / (1 + np.exp(MAX_LOG_ODDS))
-    clipped = np.clip(probability, lowest, 1 - lowest)
+    clipped = np.clip(given, lowest, 1 - lowest)
     return np.asarray(np.log(clipped / (1 - clipped)))
 
 

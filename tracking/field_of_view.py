@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray
 from appocc.grid import BEVGrid
+from tracking.config_checks import check_config
 
 
+@runtime_checkable
 class FieldOfView(Protocol):
     """Area in which vehicles can be detected; points (P, 2) are on the ground, ego frame, metres."""
 
@@ -32,6 +34,14 @@ class CircularView(FieldOfView):
     """
 
     range_m: float = np.inf
+
+    def __post_init__(self) -> None:
+        """Check the range.
+
+        Raises:
+            ShapeError: if it is no distance.
+        """
+        check_config(self)
 
     def sees(self, xy_ego_m: FloatArray) -> BoolArray:
         """See `FieldOfView`."""

@@ -7,13 +7,15 @@ from dataclasses import dataclass, field
 from numbers import Integral
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from appocc.checks import BoolArray, FloatArray, IntArray, check_transform
-from appocc.errors import DataError
+from appocc.checks import BoolArray, IntArray, as_array, check_transform
+from appocc.errors import DataError, ShapeError
 from tracking.association.cascade import MatchingCascade
 from tracking.association.colour_likelihood import ColourLikelihood
 from tracking.association.costs import AssociationConfig
 from tracking.class_models import CLASS_MODELS, ClassModel, ClassTable
+from tracking.config_checks import check_config
 from tracking.detections import Detections
 from tracking.range_image import RangeImage
 from tracking.records import Records
@@ -62,6 +64,14 @@ class TrackerConfig:
     colour_outlier_rate: float = 0.1
     occlusion: bool = True
 
+    def __post_init__(self) -> None:
+        """Check all values.
+
+        Raises:
+            ShapeError: if one is of a wrong type, NaN or out of range, see `check_config`.
+        """
+        check_config(self)
+
 
 class Tracker:
     """Tracks vehicles in the world frame, where the ego motion cancels; deterministic.
@@ -75,26 +85,36 @@ class Tracker:
     """
 
     def __init__(self, config: TrackerConfig | None = None) -> None:
-        """Start with no tracks."""
-        self.config = config or TrackerConfig()
+        """Start with no tracks.
+
+        Raises:
+            ShapeError: if the configuration is none.
+        """
+        self.config = TrackerConfig() if config is None else config
+        if not isinstance(self.config, TrackerConfig):
+            raise ShapeError(f"tracker: expected a TrackerConfig, got {config!r}")
         self._classes = ClassTable(self.config.classes, ClassModel(motion=self.config.lifecycle.motion))
         self._table = TrackTable(self.config.lifecycle, self._classes)
         self._time_us: int | None = None
         self._last_id = 0
         self._colours = ColourLikelihood(self.config.colour_outlier_rate)
 
-    def update(self, detections: Detections, timestamp_us: int, world_from_ego: FloatArray) -> Tracks:
+    def update(self, detections: Detections, timestamp_us: int, world_from_ego: ArrayLike) -> Tracks:
         """Process the detections of one frame and return the reported tracks, ordered by id.
 
         Args:
             detections: detections in the ego frame.
-            timestamp_us: time of the frame in microseconds.
-            world_from_ego: (4, 4) ego pose.
+            timestamp_us: integer time of the frame in microseconds. Other units cannot be told from it: nanoseconds
+                or milliseconds must be converted.
+            world_from_ego: (4, 4) ego pose, an array or lists.
 
         Raises:
             DataError: if the time is no integer or does not increase.
-            ShapeError: if the pose is not a rigid transform.
+            ShapeError: if the detections are none, or the pose is not a rigid transform.
         """
+        if not isinstance(detections, Detections):
+            raise ShapeError(f"tracker: expected Detections, got {detections!r}")
+        world_from_ego = as_array("world_from_ego", world_from_ego)
         check_transform("world_from_ego", world_from_ego)
         seconds = self._predict(timestamp_us)
         solid = (detections.log_odds >= self.config.high_threshold) & self.config.occlusion

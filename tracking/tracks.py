@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import overload
 
 import numpy as np
 
@@ -96,8 +97,14 @@ class Tracks:
         """Number of tracks."""
         return len(self.id)
 
-    def __getitem__(self, i: int) -> Track:
-        """Track at an index."""
+    @overload
+    def __getitem__(self, i: int) -> Track: ...
+    @overload
+    def __getitem__(self, i: slice) -> Tracks: ...
+    def __getitem__(self, i: int | slice) -> Track | Tracks:
+        """Track at an index, or the tracks of a slice."""
+        if isinstance(i, slice):
+            return Tracks(**{each.name: getattr(self, each.name)[i] for each in fields(self)})
         width_m, length_m, height_m = self.size_m[i].tolist()
         detection = int(self.detection[i])
         return Track(

@@ -34,6 +34,8 @@ CHANNELS = {
     "right_camera": "CAM_RIGHT",
     "back_camera": "CAM_BACK",
 }
+# The shortest start of a token that can name it: the first group of its digits.
+_LEAST_PREFIX = 8
 
 
 def _check_time(name: str, time_s: float) -> None:
@@ -196,6 +198,16 @@ class Recording:
 
 
 def drop_duplicate_cuboids(cuboids: tuple[Cuboid, ...]) -> tuple[Cuboid, ...]:
-    """Drop the duplicates from the forward LiDAR (sensor 1) whose sibling is in the same frame."""
+    """Drop the duplicates from the forward LiDAR (sensor 1) whose sibling is in the same frame.
+
+    Some siblings are cut short: the start of a token names it if no other one in the frame starts alike.
+    """
     present = {cuboid.track for cuboid in cuboids}
-    return tuple(c for c in cuboids if not (c.sensor == 1 and c.sibling in present))
+    return tuple(c for c in cuboids if not (c.sensor == 1 and _names_one(c.sibling, present)))
+
+
+def _names_one(sibling: str | None, present: set[str]) -> bool:
+    """Return whether a sibling is one of the tokens that are present, or the start of exactly one."""
+    if sibling is None or sibling in present:
+        return sibling is not None
+    return len(sibling) >= _LEAST_PREFIX and sum(track.startswith(sibling) for track in present) == 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,12 @@ def say_files(paths: Iterable[Path]) -> None:
     """Print the paths of written files."""
     for path in paths:
         say(f"  {path}")
+
+
+def say_below(scores: Sequence[float], min_score: float) -> None:
+    """Print how many tracks are not written, given the highest score of each, which is below the minimum."""
+    if scores:
+        say(f"{len(scores)} more stay below --min-score {min_score:g}; their highest score is {max(scores):.4f}")
 
 
 def show_metrics(title: str, scores: Mapping[str, Metrics]) -> None:

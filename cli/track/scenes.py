@@ -79,7 +79,7 @@ def track_scene_command(
     source = choose_source(root, bev)
     if video is not None:
         _check_video(video, scenes, cluster)
-    folders = _folders(root, source, scenes, out)
+    folders = _folders(dataset, root, source, scenes, out)
     if cluster == LOCAL and len(scenes) == 1:
         with progress("tracking", len(dataset.samples(scenes[0]))) as advance:
             result = track_scene(
@@ -110,17 +110,20 @@ def _check_video(video: Path, scenes: Sequence[Scene], cluster: str) -> None:
         raise DataError(f"expected --video with one --scene and without --cluster, got {len(scenes)} scenes")
 
 
-def _folders(root: Path, source: str, scenes: Sequence[Scene], out: Path | None) -> dict[Scene, Path]:
+def _folders(
+    dataset: Dataset, root: Path, source: str, scenes: Sequence[Scene], out: Path | None
+) -> dict[Scene, Path]:
     """Return the output folder of each scene.
 
     Raises:
-        DataError: if the name of a scene is unfit for a folder, or two have the same.
+        DataError: if the name of a scene is unfit for a folder, two have the same, or it is that of the tables.
     """
     from appocc.errors import DataError
     from appocc.files import plain_name
-    from tracking.pipeline import tracks_folder
+    from tracking.pipeline import check_apart, tracks_folder
 
     if out is not None and len(scenes) == 1:
+        check_apart(out, {"the tables": dataset.tables.folder})
         return {scenes[0]: out}
     if len({scene.name for scene in scenes}) != len(scenes):
         raise DataError(f"{root}: expected scenes of different names")
@@ -175,11 +178,13 @@ def track_detections_command(
     Example: appocc track detections DATA results_nusc.json --scene scene-0103
     """
     from appocc.nuscenes import Dataset
-    from tracking.pipeline import track_detections, tracks_folder
+    from tracking.pipeline import check_apart, track_detections, tracks_folder
 
     dataset = Dataset(root, version)
     wanted = choose_scene(dataset, scene)
     folder = out or tracks_folder(root, file.stem, wanted.name)
+    check_apart(folder, {"the tables": dataset.tables.folder})
+    check_apart(folder / "tracking.json", {"the detections": file})
     with progress("tracking", len(dataset.samples(wanted))) as advance:
         result, skipped = track_detections(dataset, wanted, file, smoothing=smooth, advance=advance)
     source = {"detections": str(file), "left_out": skipped}

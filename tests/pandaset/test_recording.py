@@ -42,6 +42,15 @@ def test_duplicates_are_dropped_only_with_their_sibling() -> None:
     assert [c.track for c in kept] == ["a", "b", "d", "e"]
 
 
+def test_siblings_that_are_cut_short() -> None:
+    token = "d0da2ae7-b5bb-4489-8844-5dcc06ddae67"
+    main, twin, alike = cuboid(token, 0), cuboid("t", 1, token[:-2]), cuboid(token[:-2] + "99", 0)
+    assert drop_duplicate_cuboids((main, twin)) == (main,)
+    assert drop_duplicate_cuboids((main, twin, alike)) == (main, twin, alike)
+    start = cuboid("s", 1, token[:4])
+    assert drop_duplicate_cuboids((main, start)) == (main, start)
+
+
 def frame(index: int, time_s: float) -> PandaFrame:
     image = PandaImage(Path("a.jpg"), time_s, np.eye(4))
     return PandaFrame(index, time_s, np.eye(4), {"CAM_FRONT": image}, (), None)

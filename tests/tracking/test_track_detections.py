@@ -96,6 +96,29 @@ def test_classes_sizes_and_sensors_are_the_detectors(tiny: TinyDataset, tmp_path
     assert (metrics.GT, metrics.FN, metrics.FP) == (2, 0, 1)
 
 
+def test_vehicles_of_classes_left_out_are_not_missed(tiny: TinyDataset, tmp_path: Path) -> None:
+    """The car is a construction vehicle, whose boxes are left out."""
+    for row in tiny.tables["category"]:
+        if row["name"] == "vehicle.car":
+            row["name"] = "vehicle.construction"
+    tiny.write()
+    boxes = [box("car", 100, 210) | {"detection_name": "construction_vehicle"}]
+    path = write(tmp_path / "r.json", {token("sample", i): boxes for i in range(3)})
+    answer = json.loads(run(tiny.root, "--detections", path, "--json").stdout)
+    assert answer["left_out"] == {"construction_vehicle": 3}
+    assert [answer["metrics"][name] for name in ("GT", "FN", "FP")] == [0, 0, 0]
+
+
+@pytest.mark.parametrize(("out", "what"), [("v1.0-tiny", "the tables"), (".", "the detections")])
+def test_the_input_is_not_overwritten(tiny: TinyDataset, out: str, what: str) -> None:
+    path = write(tiny.root / "tracking.json", street())
+    before = {each: each.read_bytes() for each in tiny.root.rglob("*") if each.is_file()}
+    error = run(tiny.root, "--detections", path, "--out", tiny.root / out).exception
+    assert isinstance(error, DataError)
+    assert f"the tracks would be written over {what}; choose another folder" in str(error)
+    assert {each: each.read_bytes() for each in tiny.root.rglob("*") if each.is_file()} == before
+
+
 def test_without_annotations_nothing_is_scored(tiny: TinyDataset, tmp_path: Path) -> None:
     tiny.tables["sample_annotation"] = []
     tiny.write()

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from made_kitti import made_kitti, write
+from made_kitti import detection, made_kitti, write
 from typer.testing import CliRunner, Result
 
 from appocc.errors import AppoccError, DataError
@@ -60,6 +60,44 @@ def test_without_labels_metrics_are_null(tmp_path: Path) -> None:
     assert answer["metrics"] is answer["metrics_at_best_cut"] is None
     assert answer["files"] == [str(root / "tracks" / "0001.txt")]
     assert "no labels" in result.stderr
+
+
+@pytest.mark.parametrize("folder", ["label", "label_02", "calib", "pose", "oxts", "detection_made"])
+def test_the_input_is_not_overwritten(tmp_path: Path, folder: str) -> None:
+    root = made_kitti(tmp_path / "kitti", FRAMES)
+    before = {path: path.read_text() for path in root.rglob("*.txt")}
+    error = run("kitti", root, "--out", root / "pose" / ".." / folder).exception
+    assert isinstance(error, DataError)
+    assert f"the tracks would be written over the files of '{folder}'" in str(error)
+    assert {path: path.read_text() for path in root.rglob("*.txt")} == before
+
+
+def test_tracks_below_the_minimum_score_are_counted(tmp_path: Path) -> None:
+    root = made_kitti(tmp_path / "kitti", FRAMES)
+    write(root / "detection_made" / "0001.txt", [detection(frame, score=-1.0) for frame in range(FRAMES)])
+    result = run("kitti", root, "--json")
+    assert "0 objects in 1 sequences\n1 more stay below --min-score 0.5; their highest score is 0." in result.stderr
+    answer = json.loads(result.stdout)
+    assert Path(answer["files"][0]).read_text() == ""
+    assert (answer["metrics"]["MOTA"], answer["metrics"]["FN"]) == (0, FRAMES)
+
+
+def test_without_detections_all_objects_are_missed(tmp_path: Path) -> None:
+    root = made_kitti(tmp_path / "kitti", FRAMES)
+    write(root / "detection_made" / "0001.txt", [])
+    result = run("kitti", root, "--json")
+    metrics = json.loads(result.stdout)["metrics"]
+    assert (metrics["MOTA"], metrics["GT"], metrics["FN"], metrics["FP"]) == (0, FRAMES, FRAMES, 0)
+    assert "0 objects in 1 sequences" in result.stderr
+    assert "labels" not in result.stderr
+
+
+def test_detections_of_classes_without_labels(tmp_path: Path) -> None:
+    root = made_kitti(tmp_path / "kitti", FRAMES)
+    write(root / "detection_made" / "0001.txt", [detection(frame, kind=1) for frame in range(FRAMES)])
+    result = run("kitti", root, "--json")
+    assert json.loads(result.stdout)["classes"] == {}
+    assert "no labels of the detected classes (pedestrian): nothing to be scored against" in result.stderr
 
 
 def test_only_sequences_with_labels_are_scored(tmp_path: Path) -> None:

@@ -68,6 +68,10 @@ def test_tracks_are_a_sequence_of_tracks() -> None:
     assert (one.width_m, one.length_m, one.moving, one.heading_known) == (1.8, 4.5, True, True)
     assert (one.velocity_known, other.velocity_known) == (True, False)
     assert (other.seen, other.detection, other.height_m, other.score) == (False, None, 3.2, 0.4)
+    last = tracks[1:]
+    assert isinstance(last, Tracks)
+    assert [track.id for track in last] == [tracks[-1].id] == [8]
+    assert last.kind == ("bus",)
 
 
 def test_constructors_copy_the_arrays_of_the_caller() -> None:

@@ -74,7 +74,7 @@ def align_files(truth: Path, tracks: Path, version: str | None = None) -> Aligne
     a dataset, all files tracking.json in a folder, such as that of one scene.
 
     Raises:
-        DataError: if one is damaged, the formats differ, or the tracks lack a sample of the ground truth.
+        DataError: if one is damaged, the formats differ, or the tracks lack a sample or a file of the ground truth.
     """
     if tracks.is_dir():
         return _pooled(truth, tracks, version)
@@ -99,6 +99,11 @@ def align_files(truth: Path, tracks: Path, version: str | None = None) -> Aligne
     return AlignedFiles(wanted.format, frames, False, len(set(given.frames) - set(keys)))
 
 
+def tracking_class(category: str) -> str:
+    """Return the class of nuScenes' tracking benchmark of a category, or its own name if there is none."""
+    return _CLASSES.get(category, category)
+
+
 def _pooled(truth: Path, tracks: Path, version: str | None) -> AlignedFiles:
     """Align the files of two folders by name, or the files tracking.json of a folder with a dataset."""
     texts, tables = sorted(tracks.glob("*.txt")), sorted(tracks.rglob("tracking.json"))
@@ -109,6 +114,7 @@ def _pooled(truth: Path, tracks: Path, version: str | None) -> AlignedFiles:
         expected = f"a folder with {missing[0]}, as {tracks} is, or tracking.json there"
         raise DataError(f"{truth}: expected {expected}, got neither")
     else:
+        _check_sequences(truth, tracks)
         pairs = [(truth / path.name, path) for path in texts]
     if not pairs:
         raise DataError(f"{tracks}: expected files NAME.txt or tracking.json, got none")
@@ -123,6 +129,18 @@ def _pooled(truth: Path, tracks: Path, version: str | None) -> AlignedFiles:
         for frame in part.frames
     )
     return AlignedFiles(parts[0].format, frames, parts[0].annotated, sum(part.without_truth for part in parts))
+
+
+def _check_sequences(truth: Path, tracks: Path) -> None:
+    """Check that each sequence of the ground truth has a file of tracks, as KITTI's and MOTChallenge's tools do.
+
+    Raises:
+        DataError: if one has none.
+    """
+    missing = [path.name for path in sorted(truth.glob("*.txt")) if not (tracks / path.name).is_file()]
+    if missing:
+        more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
+        raise DataError(f"{tracks}: expected a file, empty if nothing is tracked, for {missing[0]}{more} of {truth}")
 
 
 def _at(file: TrackFile, key: str | int) -> FrameEntries:
@@ -164,7 +182,7 @@ def _annotated(dataset: Dataset, sample: Sample, tracks: FrameEntries, scene: st
     n = len(boxes)
     truth = FrameEntries(
         boxes.instance,
-        tuple(_CLASSES.get(name, name) for name in boxes.category),
+        tuple(tracking_class(name) for name in boxes.category),
         boxes.centre_m[:, :2].copy(),
         np.full((n, 4), np.nan),
         np.full(n, np.nan),

@@ -25,7 +25,7 @@ import numpy as np
 
 from appocc.boxes import is_vehicle
 from appocc.checks import BoolArray, FloatArray, IntArray, check_distance
-from appocc.errors import DataError
+from appocc.errors import DataError, ShapeError
 from tracking.evaluation.alignment import AlignedFiles, AlignedFrame, align_files
 from tracking.evaluation.amota import AmotaResult, ScoredFrame, evaluate_amota
 from tracking.evaluation.clear_id_hota import Metrics, evaluate, evaluate_distances
@@ -55,13 +55,15 @@ class EvaluationOptions:
     min_score: float | None = None
 
     def __post_init__(self) -> None:
-        """Check the distances.
+        """Check the distances and the score.
 
         Raises:
-            ShapeError: if one is not positive and finite.
+            ShapeError: if a distance is not positive and finite, or the score is not finite.
         """
         check_distance("--range", self.range_m)
         check_distance("--gate", self.gate_m)
+        if self.min_score is not None and not np.isfinite(self.min_score):
+            raise ShapeError(f"--min-score: expected a finite number, got {self.min_score:g}")
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -73,9 +73,9 @@ class KittiScores:
     Attributes:
         metrics: metrics of all rows.
         at_best_cut: metrics of the tracks with a mean score of at least `best_cut`.
-        best_cut: minimum mean score of the tracks with the best MOTA.
+        best_cut: minimum mean score of the tracks with the best MOTA; minus infinity without tracks.
         at_causal_cut: metrics of the rows with a score of at least `causal_cut`.
-        causal_cut: minimum score of the rows with the best MOTA.
+        causal_cut: minimum score of the rows with the best MOTA; minus infinity without rows.
     """
 
     metrics: Metrics
@@ -88,14 +88,16 @@ class KittiScores:
 def score_sequences(
     outcomes: Sequence[tuple[KittiSequence, Results]], min_score: float = -np.inf
 ) -> dict[str, KittiScores]:
-    """Score the results of the sequences with labels, by category; only categories with tracks and required objects.
+    """Score the results of the sequences with labels, by category.
+
+    Categories are those that are detected, or all if nothing is; of these, the ones with required objects.
 
     Args:
         outcomes: sequences with all results.
         min_score: minimum score of the rows in `KittiScores.metrics`; the cuts are chosen from all rows.
     """
     labelled = [(sequence, results) for sequence, results in outcomes if sequence.labels is not None]
-    found = {result.kind for _, results in labelled for rows in results for result in rows}
+    found = detected_kinds(sequence for sequence, _ in labelled) or set(LABELS)
     scores = {}
     for kind in LABELS:
         rows = prepare_evaluation(labelled, kind)
@@ -106,6 +108,11 @@ def score_sequences(
         cut, causal = tracks.best_cut(), rows.best_cut(CAUSAL_CANDIDATES)
         scores[kind] = KittiScores(rows.metrics(min_score), tracks.metrics(cut), cut, rows.metrics(causal), causal)
     return scores
+
+
+def detected_kinds(sequences: Iterable[KittiSequence]) -> set[str]:
+    """Return the categories of the detections."""
+    return {kind for sequence in sequences for frame in sequence.frames for kind in frame.detections.kind}
 
 
 def prepare_evaluation(outcomes: Sequence[tuple[KittiSequence, Results]], kind: str = "car") -> KittiEvaluation:

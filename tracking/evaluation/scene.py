@@ -13,8 +13,10 @@ from appocc.boxes import Boxes, is_person_or_bicycle
 from appocc.checks import FloatArray
 from appocc.files import write_json
 from appocc.nuscenes import Dataset, Sample
+from tracking.evaluation.alignment import tracking_class
 from tracking.evaluation.clear_id_hota import MetricCounts, Metrics, count
 from tracking.evaluation.frames import GATE_M, EvaluationFrame
+from tracking.io.nuscenes_detections import TRACKED
 from tracking.pipeline import SceneTracks, write_tracks
 from tracking.tracks import Track
 
@@ -52,6 +54,7 @@ def count_scene(result: SceneTracks, truths: Sequence[Boxes] | None) -> dict[str
 
     Annotated vehicles whose centres are within RANGE_M of the ego on the ground are required. Others are ignored,
     also parked vehicles in the metrics of moving ones and vice versa, and so are unmatched tracks beyond the range.
+    If a detector's boxes are tracked, vehicles that are of none of the classes tracked are ignored, too.
     """
     if truths is None:
         return None
@@ -79,6 +82,7 @@ def _evaluation_frames(
     result: SceneTracks, truths: Sequence[Boxes], moving: set[str], kind: bool | None
 ) -> list[EvaluationFrame]:
     """Return ground truth and tracks of each key frame, in world x and y; `kind` selects moving or parked objects."""
+    from_maps = result.sensors is None
     names = sorted({instance for boxes in truths for instance in boxes.instance})
     number = {name: i for i, name in enumerate(names)}
     frames = []
@@ -86,6 +90,7 @@ def _evaluation_frames(
         ego_xy_m = pose[:2, 3]
         track_xy_m = np.array([track.position_world_m[:2] for track in tracks]).reshape(-1, 2)
         selected = np.array([kind is None or (name in moving) == kind for name in boxes.instance], dtype=np.bool_)
+        selected &= [from_maps or tracking_class(category) in TRACKED for category in boxes.category]
         frames.append(
             EvaluationFrame(
                 truth_ids=np.array([number[name] for name in boxes.instance], dtype=np.int64),

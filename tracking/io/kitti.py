@@ -3,8 +3,8 @@
 The folder contains, for each sequence NNNN:
 
 - `detection_*/NNNN.txt` (one such folder): rows `frame,type,x1,y1,x2,y2,score,h,w,l,x,y,z,ry,alpha`; type 1 is a
-  pedestrian, 2 a car, 3 a cyclist. If all scores of the folder are in 0..1, they are probabilities, otherwise
-  log-odds.
+  pedestrian, 2 a car, 3 a cyclist; the words Pedestrian, Car and Cyclist are taken, too. If all scores of the folder
+  are in 0..1, they are probabilities, otherwise log-odds.
 - `calib/NNNN.txt`: the row `P2:` with the 3x4 projection of the left colour camera.
 - `pose/NNNN.txt`: a row of 12 numbers for each frame of the sequence, the upper 3x4 of world_from_camera; or KITTI's
   own `oxts/NNNN.txt`, see `tracking.io.kitti_oxts`.
@@ -44,6 +44,8 @@ FRAME_US = 100_000
 # The files do not contain the image size; a few drives have slightly smaller images.
 WIDTH_PX, HEIGHT_PX = 1242, 375
 KINDS = {1: "pedestrian", 2: "car", 3: "bicycle"}
+# KITTI's own names of the types.
+_WORDS = {"pedestrian": "1", "car": "2", "cyclist": "3"}
 _NEAREST_M, _HALF_CAR_M = 2.0, 1.5
 _DETECTION = ("frame", "type", "x1", "y1", "x2", "y2", "score", "h", "w", "l", "x", "y", "z", "ry", "alpha")
 
@@ -144,6 +146,11 @@ class KittiSequence:
     labels: tuple[KittiLabels, ...] | None
 
 
+def input_folders(root: Path) -> list[Path]:
+    """Return the folders, there or not, that hold the files of sequences."""
+    return [*root.glob("detection_*"), *(root / name for name in ("calib", "pose", "oxts", *LABEL_FOLDERS))]
+
+
 def read_sequences(root: Path) -> tuple[KittiSequence, ...]:
     """Read all sequences with a detection file, ordered by name.
 
@@ -210,7 +217,8 @@ def _detections(path: Path) -> FloatArray:
     """Return the detection rows (R, 15) of a file."""
     rows = []
     for place, columns in read_rows(path, ","):
-        row = parse_numbers(place, check_columns(place, columns, _DETECTION))
+        frame, kind, *others = check_columns(place, columns, _DETECTION)
+        row = parse_numbers(place, [frame, _WORDS.get(kind.strip().lower(), kind), *others])
         parse_integer(place, "frame", row[0], 0)
         if row[1] not in KINDS:
             raise DataError(f"{place}: expected type 1, 2 or 3, got {row[1]:g}")

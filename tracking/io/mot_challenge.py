@@ -131,7 +131,9 @@ def _rows(path: Path) -> tuple[FloatArray, bool]:
     rows: list[list[float]] = []
     known: bool | None = None
     for place, columns in read_rows(path, ",", _MIN_COLUMNS):
-        row = parse_numbers(place, columns[:_ALL_COLUMNS])
+        if len(columns) > _ALL_COLUMNS:
+            raise DataError(f"{place}: expected at most {_ALL_COLUMNS} columns, got {len(columns)}")
+        row = parse_numbers(place, columns)
         parse_integer(place, "frame", row[0], 0)
         if min(row[4:6]) <= 0:
             raise DataError(f"{place}: expected a positive width and height, got {row[4]:g} x {row[5]:g}")

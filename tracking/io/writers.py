@@ -21,7 +21,7 @@ from tracking.vehicle_classes import HEIGHT_M, class_from_size
 _UNKNOWN_KIND = "vehicle"
 _COLUMNS = (
     *("timestamp_us", "frame", "track_id", "class", "x_m", "y_m", "z_m", "yaw_rad", "length_m", "width_m"),
-    *("vx_mps", "vy_mps", "r", "g", "b", "colour", "score", "seen"),
+    *("vx_mps", "vy_mps", "r", "g", "b", "colour", "score", "seen", "heading_known"),
 )
 
 
@@ -132,8 +132,9 @@ def write_csv(path: Path, times_us: Sequence[int], tracks: Sequence[Sequence[Tra
     """Write comma-separated values: a header, then a line for each track and frame.
 
     Frames are numbered from 1. Positions (on the ground below the centre), headings and velocities are in the world
-    frame. r, g and b are sRGB 0..255 and colour is their name, all empty if unknown. seen is 0 if the position is
-    predicted or interpolated, otherwise 1.
+    frame. vx and vy are empty if the velocity is unknown. r, g and b are sRGB 0..255 and colour is their name, all
+    empty if unknown. seen is 0 if the position is predicted or interpolated, otherwise 1. heading_known is 0 if the
+    yaw may be off by pi, otherwise 1.
 
     Args:
         path: file to write.
@@ -157,9 +158,11 @@ def write_csv(path: Path, times_us: Sequence[int], tracks: Sequence[Sequence[Tra
 
 def _cells(track: Track, colour: str) -> list[str]:
     """Return the columns from x_m on."""
-    numbers = (*track.position_world_m, track.yaw_world_rad, track.length_m, track.width_m, *track.velocity_world_mps)
+    numbers = (*track.position_world_m, track.yaw_world_rad, track.length_m, track.width_m)
+    velocity = [f"{value:.4f}" for value in track.velocity_world_mps] if track.velocity_known else [""] * 2
     rgb = [f"{value:.1f}" for value in track.rgb] if colour else [""] * 3
-    return [*(f"{number:.4f}" for number in numbers), *rgb, colour, f"{track.score:.4f}", str(int(track.seen))]
+    flags = [str(int(track.seen)), str(int(track.heading_known))]
+    return [*(f"{number:.4f}" for number in numbers), *velocity, *rgb, colour, f"{track.score:.4f}", *flags]
 
 
 def write_table(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:

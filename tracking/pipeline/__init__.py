@@ -1,6 +1,14 @@
 """Tracking pipeline: maps or detections of a recording in, tracks and files out."""
 
-from tracking.pipeline.online import DetectionFrame, OnlineTracker, count_tracks, run_tracker, select_scores
+from tracking.pipeline.online import (
+    DetectionFrame,
+    OnlineTracker,
+    best_scores,
+    count_tracks,
+    run_tracker,
+    select_scores,
+)
+from tracking.pipeline.output_paths import check_apart, kitti_folder, people_path, tracks_folder
 from tracking.pipeline.scenes import (
     SceneFrames,
     SceneTracks,
@@ -9,13 +17,11 @@ from tracking.pipeline.scenes import (
     track_maps,
     track_samples,
     track_scene,
-    tracks_folder,
     write_tracks,
 )
 from tracking.pipeline.sequences import (
     KittiTracks,
     people_config,
-    people_path,
     track_kitti,
     track_people,
     track_sequence,
@@ -28,7 +34,10 @@ __all__ = [
     "OnlineTracker",
     "SceneFrames",
     "SceneTracks",
+    "best_scores",
+    "check_apart",
     "count_tracks",
+    "kitti_folder",
     "people_config",
     "people_path",
     "read_key_frames",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from appocc.checks import FloatArray
 from tracking.detections import Detections
@@ -55,11 +55,37 @@ def run_tracker(
     return tuple(tracks)
 
 
-def select_scores(tracks: Iterable[Iterable[Track]], min_score: float) -> tuple[tuple[Track, ...], ...]:
+class Scored(Protocol):
+    """A track, or a row of its results, at one time."""
+
+    @property
+    def id(self) -> int:
+        """Track id."""
+        ...
+
+    @property
+    def score(self) -> float:
+        """Score by what is known at that time."""
+        ...
+
+
+_Scored = TypeVar("_Scored", bound=Scored)
+
+
+def select_scores(tracks: Iterable[Iterable[_Scored]], min_score: float) -> tuple[tuple[_Scored, ...], ...]:
     """Return the tracks of each frame whose score, by what is known at that time, is at least `min_score`."""
     return tuple(tuple(track for track in states if track.score >= min_score) for states in tracks)
 
 
-def count_tracks(tracks: Iterable[Iterable[Track]]) -> int:
+def best_scores(tracks: Iterable[Iterable[Scored]]) -> dict[int, float]:
+    """Return the highest score that each track ever has, by id."""
+    best: dict[int, float] = {}
+    for states in tracks:
+        for track in states:
+            best[track.id] = max(track.score, best.get(track.id, track.score))
+    return best
+
+
+def count_tracks(tracks: Iterable[Iterable[Scored]]) -> int:
     """Return the number of different track ids."""
     return len({track.id for states in tracks for track in states})

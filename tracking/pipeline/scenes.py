@@ -14,7 +14,6 @@ import numpy as np
 from appocc.bevmap import load_map
 from appocc.checks import FloatArray
 from appocc.errors import DataError
-from appocc.files import plain_name
 from appocc.nuscenes import Dataset, Sample, Scene
 from appocc.objects import BEVObjects
 from tracking.class_votes import vote_classes
@@ -238,17 +237,6 @@ def track_detections(
     if smoothing:
         result = result.smoothed(MotionConfig())
     return result, dict(sorted(skipped.items()))
-
-
-def tracks_folder(root: Path, source: str, scene: str) -> Path:
-    """Return the default folder for the tracks of a scene: `ROOT/tracks/SOURCE/SCENE`.
-
-    If the source is a folder, its last part is used.
-
-    Raises:
-        DataError: if a name contains a path.
-    """
-    return root / "tracks" / plain_name(root, Path(source).absolute().name) / plain_name(root, scene)
 
 
 def write_tracks(folder: Path, result: SceneTracks) -> list[Path]:

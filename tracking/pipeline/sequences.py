@@ -6,12 +6,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from appocc.errors import DataError
 from tracking.filtering.smoother import smooth
 from tracking.io.kitti import KittiSequence
 from tracking.io.kitti_results import KittiResult, kitti_results, kitti_score, write_kitti_results
 from tracking.io.mot_challenge import MotSequence
-from tracking.pipeline.online import OnlineTracker, no_progress, run_tracker
+from tracking.pipeline.online import OnlineTracker, no_progress, run_tracker, select_scores
 from tracking.presets import PEOPLE_IN_IMAGE, PEOPLE_ON_GROUND
 from tracking.tracker import Tracker, TrackerConfig
 from tracking.tracks import Track
@@ -61,8 +60,7 @@ def write_kitti_tracks(folder: Path, outcomes: Iterable[KittiTracks], min_score:
     paths = []
     for outcome in outcomes:
         paths.append(folder / f"{outcome.sequence.name}.txt")
-        least = kitti_score(min_score)
-        write_kitti_results(paths[-1], [[one for one in rows if one.score >= least] for rows in outcome.results])
+        write_kitti_results(paths[-1], select_scores(outcome.results, kitti_score(min_score)))
     return paths
 
 
@@ -76,15 +74,3 @@ def track_people(
 ) -> tuple[tuple[Track, ...], ...]:
     """Track the people of a MOTChallenge file and return the tracks of each frame; `advance` as in `run_tracker`."""
     return run_tracker(Tracker(people_config(sequence)), sequence.frames, advance)
-
-
-def people_path(detections: Path, folder: Path) -> Path:
-    """Return the path for the tracks of a MOTChallenge file: a file of the same name in a folder.
-
-    Raises:
-        DataError: if it is the file of the detections.
-    """
-    path = folder / f"{detections.stem}.txt"
-    if path.resolve() == detections.resolve():
-        raise DataError(f"{detections}: the tracks would be written over the detections; choose another folder")
-    return path

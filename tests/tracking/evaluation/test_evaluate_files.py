@@ -11,7 +11,7 @@ from test_amota import random_scene
 from tiny_dataset import TinyDataset, token
 from typer.testing import CliRunner, Result
 
-from appocc.errors import DataError
+from appocc.errors import DataError, ShapeError
 from cli.main import app
 from tracking.evaluation.alignment import align_files
 from tracking.evaluation.amota import ScoredFrame, evaluate_amota
@@ -277,6 +277,27 @@ def test_the_folder_of_one_scene_has_its_tracks_in_both_formats(tiny: TinyDatase
     assert evaluate_files(tiny.root, folder, EvaluationOptions()).metrics.MOTA == 1
     truth = text(tmp_path / "mot.txt", "1,1,0,0,10,10,1").parent
     assert evaluate_files(truth, folder, EvaluationOptions()).protocol["format"] == "MOTChallenge text"
+
+
+def test_every_sequence_of_a_folder_needs_a_file(tmp_path: Path) -> None:
+    row = "1,1,0,0,10,10,1"
+    truth, tracks = tmp_path / "gt", tmp_path / "out"
+    for folder, names in ((truth, "abc"), (tracks, "a")):
+        folder.mkdir()
+        for name in names:
+            text(folder / f"{name}.txt", row)
+    with pytest.raises(DataError, match=rf"{tracks}: expected a file, .*, for b.txt and 1 more of {truth}"):
+        evaluate_files(truth, tracks, EvaluationOptions())
+    for name in "bc":
+        text(tracks / f"{name}.txt")
+    metrics = evaluate_files(truth, tracks, EvaluationOptions()).metrics
+    assert (metrics.GT, metrics.FN) == (3, 2)
+
+
+@pytest.mark.parametrize("score", [float("nan"), float("inf")])
+def test_a_minimum_score_is_a_number(score: float) -> None:
+    with pytest.raises(ShapeError, match="--min-score: expected a finite number, got"):
+        EvaluationOptions(min_score=score)
 
 
 # The command ------------------------------------------------------------------------------------------------------

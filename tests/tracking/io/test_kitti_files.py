@@ -92,6 +92,12 @@ def test_kinds_and_order_of_rows(tmp_path: Path) -> None:
     np.testing.assert_allclose(frames[1].detections.ground_m[:, 0], [19.0, 30.0])
 
 
+def test_types_as_words(tmp_path: Path) -> None:
+    rows = [detection(0).replace(",2,", f",{word},", 1) for word in ("Pedestrian", "car", "Cyclist")]
+    write(made_kitti(tmp_path) / "detection_made" / "0001.txt", rows)
+    assert only(tmp_path).frames[0].detections.kind == ("pedestrian", "car", "bicycle")
+
+
 def test_scores_within_0_and_1_are_probabilities(tmp_path: Path) -> None:
     path = made_kitti(tmp_path, names=("0001", "0002")) / "detection_made" / "0001.txt"
     write(path, [detection(0, score=0.5), detection(1, score=0.0)])

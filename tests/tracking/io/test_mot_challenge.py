@@ -124,6 +124,7 @@ DAMAGED = [
     ([], "expected detections, got an empty file"),
     ([GOOD, "2,-1,5,6,2"], "line 2: expected at least 7 columns, got 5"),
     (["1 -1 5 6 2 3 1"], "line 1: expected at least 7 columns, got 1"),
+    (["0,2,600,170,700,240,3,1.5,1.8,4.2,2,1.6,20,-1.5,-1.6"], "line 1: expected at most 10 columns, got 15"),
     ([GOOD, "", "2,-1,5,6,two,3,1"], "line 3: expected numbers, got 'two'"),
     (["2,-1,5,6,nan,3,1"], "line 1: expected finite numbers up to 1e+09, got nan"),
     (["2,-1,5,6,2,3,inf"], "line 1: expected finite numbers up to 1e+09, got inf"),
@@ -316,6 +317,13 @@ def test_people_are_tracked_and_written(tmp_path: Path) -> None:
     assert (metrics.FP, metrics.IDS) == (0, 0)
     assert metrics.FN <= 5
     assert "1 people in 29 frames, followed in the picture" in result.stderr
+
+
+def test_people_below_the_minimum_score_are_counted(tmp_path: Path) -> None:
+    path = write(tmp_path / "seq.txt", [walker(i, conf=0.7 + 0.001 * i) for i in range(1, 30)])
+    result = run("--mot", path, "--fps", 25, "--min-score", 0.999)
+    assert "0 people in 29 frames" in result.stderr
+    assert "1 more stay below --min-score 0.999; their highest score is 0." in result.stderr
 
 
 def test_the_detections_are_not_overwritten(tmp_path: Path) -> None:

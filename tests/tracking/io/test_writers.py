@@ -71,16 +71,18 @@ def test_a_detectors_class_and_height_stay(tmp_path: Path) -> None:
 
 
 def test_table_lines(tmp_path: Path) -> None:
-    unseen = track(12, rgb=np.full(3, np.nan), seen=False, kind="bus")
+    unknown = {"heading_known": False, "velocity_known": False, "rgb": np.full(3, np.nan)}
+    unseen = track(12, seen=False, kind="bus", **unknown)
     write_csv(tmp_path / "deep" / "t.csv", [10**15, 10**15 + 5, 10**15 + 9], [(track(),), (), (track(), unseen)])
     lines = (tmp_path / "deep" / "t.csv").read_text().split("\n")
-    place = "100.0000,50.0000,2.0000,1.5708,4.5000,1.8000,3.0000,4.0000"
+    place = "100.0000,50.0000,2.0000,1.5708,4.5000,1.8000"
+    colour = "10.0,20.0,30.0,black or blue"
     assert lines == [
         "timestamp_us,frame,track_id,class,x_m,y_m,z_m,yaw_rad,length_m,width_m,"
-        "vx_mps,vy_mps,r,g,b,colour,score,seen",
-        f"1000000000000000,1,1,car,{place},10.0,20.0,30.0,black or blue,0.9000,1",
-        f"1000000000000009,3,1,car,{place},10.0,20.0,30.0,black or blue,0.9000,1",
-        f"1000000000000009,3,12,bus,{place},,,,,0.9000,0",
+        "vx_mps,vy_mps,r,g,b,colour,score,seen,heading_known",
+        f"1000000000000000,1,1,car,{place},3.0000,4.0000,{colour},0.9000,1,1",
+        f"1000000000000009,3,1,car,{place},3.0000,4.0000,{colour},0.9000,1,1",
+        f"1000000000000009,3,12,bus,{place},,,,,,,0.9000,0,0",
         "",
     ]
 
