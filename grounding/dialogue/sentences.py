@@ -40,6 +40,7 @@ from grounding.dialogue.commands import answer_command, ask_to_stop
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import carries_on, complete, goes_onto_pavement, has_verb, names_pronoun
 from grounding.dialogue.merging import merge_request
+from grounding.dialogue.questions import answer_question
 from grounding.dialogue.reports import (
     ask_again,
     cancel,
@@ -121,6 +122,9 @@ _ABOUT_WORDS: Mapping[str, Callable[[Conversation, str, str], Answer]] = {
 def answer_sentence(talk: Conversation, text: str) -> Answer:
     """Answer a sentence by the likeliest act if it is certain, else by the grammar, else by the other likely acts."""
     before = talk.state
+    if told := answer_question(talk, text):
+        return told
+    talk.state = before
     if before.goal is not None and _ASKS_PLAN.match(text.strip()):
         return tell_goal(talk, text)
     waits = before.goal is not None and before.goal.pace == "standing" and before.question is None
