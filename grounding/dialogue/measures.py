@@ -22,18 +22,17 @@ _ALONG_RAD = np.radians(45)
 _STREET_MPS = 4.0
 
 
-def describe_one_of(item: SceneObject, scene: SceneModel) -> str:
+def describe_one(item: SceneObject, scene: SceneModel) -> str:
     """Describe an object, with the note that it is in another street."""
-    row = scene.table.items.index(item)
-    away = ", in another street" if is_in_other_street(row, scene) else ""
-    return f"{describe_object(item, scene)}{away}"
+    away = ", in another street" if is_in_other_street(scene.table.items.index(item), scene) else ""
+    return f"the {describe_object(item, scene)}{away}"
 
 
 def describe_size(item: SceneObject, scene: SceneModel) -> str:
     """Tell the length, width and height of an object."""
     height = "" if item.height_m is None else f", {item.height_m:.1f} m high"
     size = f"{item.length_m:.1f} m long, {item.width_m:.1f} m wide{height}"
-    return f"the {describe_object(item, scene)}: {size}"
+    return f"{describe_one(item, scene)}: {size}"
 
 
 def describe_heading(heading_rad: float) -> str:
@@ -49,7 +48,7 @@ def describe_heading(heading_rad: float) -> str:
 def describe_facing(item: SceneObject, scene: SceneModel) -> str:
     """Tell which way an object faces."""
     facing = describe_heading(item.yaw_rad) if item.front_known else "which way is not known"
-    return f"the {describe_object(item, scene)}: it faces {facing}"
+    return f"{describe_one(item, scene)}: it faces {facing}"
 
 
 def describe_gap(goal: Target, scene: SceneModel) -> str:

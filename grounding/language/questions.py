@@ -22,16 +22,19 @@ _MAX_BYTES = 1_000_000
 _HEADING = re.compile(r"\[([a-z]+(?:: [^\]]+)?)\]")
 _LIMIT = "limit: "
 # Sections that tell how a question begins, and words that name no thing; the others are kinds.
-_FRAME = ("lead", "indirect", "asking", "marked", "wish", "empty", "edge")
+_FRAME = ("lead", "indirect", "asking", "marked", "wish", "elsewhere", "empty", "edge")
+# Kinds that only tell more of another one.
+_FURTHER = ("slow", "who", "together")
 # Kinds whose words describe a thing if its noun follows: "the moving van", "the light green car".
-_ATTRIBUTES = ("moving", "standing", _LIMIT)
+_MOTION = ("moving", "standing")
+_ATTRIBUTES = (*_MOTION, _LIMIT)
 # Kinds after which a verb begins a command ("do you see the van stop behind it"), unless the past is asked about.
-_BEFORE_COMMANDS, _PAST = ("exists", "place", "what"), ("did", "have")
+_BEFORE_COMMANDS, _PAST = ("exists", "place", "what", "which", *_MOTION), ("did", "have")
 # Words after which a verb begins none.
-_SUBJECTS = (WordCategory.EGO, WordCategory.AUX, WordCategory.PRONOUN, WordCategory.NOT, WordCategory.FILLER)
+_SUBJECTS = (WordCategory.EGO, WordCategory.AUX, WordCategory.PRONOUN, WordCategory.NOT, WordCategory.TO)
 # "We're" is no "were".
-_ARE = re.compile(r"(?<=\w)'re\b")
-_US = ("we", "us", "you", "u", "i", "our", "your")
+_ARE = re.compile(r"(?<=\w)'re\b|(?<=\byou)re\b|(?<=\bthey)re\b")
+_US = frozenset(("we", "us", "you", "u", "i", "our", "your"))
 _MARKS = ".;!?,"
 # Most words before a question that is told by another one: "my daughter wants to know".
 _MAX_BEFORE = 3
@@ -78,11 +81,11 @@ def read_question(text: str, lexicon: Lexicon | None = None) -> Question | None:
     written = tuple(respelled(WORD.findall(_ARE.sub(" are", normalise(text))), lexicon))
     words = tuple(word.replace("'", "") for word in written)
     start = _start(words)
-    if start is None or any(word in ".;!?" for word in words[start:-1]):
+    if start is None or _says_more(words[start:]) or _find("elsewhere", words, start, lexicon):
         return None
     kinds = (kind for kind in _sections() if kind not in _FRAME)
     spans = {kind: span for kind in kinds if (span := _find(kind, words, start, lexicon))}
-    main = next(iter(spans), "")
+    main = next((kind for kind in spans if kind not in _FURTHER), "")
     begin, end = spans[main] if main else (start, start)
     kept = [i for i in range(start, len(words)) if not begin <= i < end]
     until = _verb_after_thing([written[i] for i in kept], lexicon) if main in _BEFORE_COMMANDS else None
@@ -90,7 +93,8 @@ def read_question(text: str, lexicon: Lexicon | None = None) -> Question | None:
         return None
     kept = kept[:until]
     about = _about(tuple(words[i] for i in kept), tuple(written[i] for i in kept))
-    return Question(tuple(spans), about, any(word in _US for word in words[start:]), until is not None)
+    event = until is not None or (main in _MOTION and words[start] in _PAST)
+    return Question(tuple(spans) if main else (), about, not _US.isdisjoint(words[start:]), event)
 
 
 def asks_car(text: str, lexicon: Lexicon | None = None) -> bool:
@@ -104,11 +108,26 @@ def _start(words: tuple[str, ...]) -> int | None:
     start, marked = _skip_lead(words, 0), words[-1:] == ("?",)
     for at in range(start, min(start + _MAX_BEFORE + 1, len(words))):
         if (told := _end("indirect", words, at)) and (begun := _skip_lead(words, told)) < len(words):
-            asks = words[begun] in ("if", "whether", "where", "when") or _end("asking", words, begun)
-            return begun if asks and not _end("wish", words, begun) else None
-    if _end("wish", words, start):
-        return None
-    return start if _end("asking", words, start) or (marked and _end("marked", words, start)) else None
+            embedded = words[begun] in ("if", "whether", "where", "when")
+            return begun if embedded and not _end("wish", words, begun) else _start_here(words, begun, marked)
+    return _start_here(words, start, marked)
+
+
+def _start_here(words: tuple[str, ...], start: int, marked: bool) -> int | None:
+    """Return the start if a question begins there; "why, ..." is an interjection."""
+    asks = _end("asking", words, start) or (marked and _end("marked", words, start))
+    return start if asks and words[asks : asks + 1] != (",",) and not _end("wish", words, start) else None
+
+
+def _says_more(words: tuple[str, ...]) -> bool:
+    """Return whether another sentence follows a question, or words after a comma that are not empty."""
+    if any(word in ".;!?" for word in words[:-1]):
+        return True
+    after = words[words.index(",") :] if "," in words else ()
+    at = 0
+    while at < len(after) and (after[at] in _MARKS or _end("empty", after, at) or _end("lead", after, at)):
+        at = _end("empty", after, at) or _end("lead", after, at) or at + 1
+    return at < len(after)
 
 
 def _skip_lead(words: tuple[str, ...], start: int) -> int:
@@ -141,7 +160,7 @@ def _verb_after_thing(words: Sequence[str], lexicon: Lexicon) -> int | None:
     """Return the index of the word at which a verb in its base form follows a thing: "the van stop behind it"."""
     text = " ".join(words)
     for before, one in pairwise(tokenise(text, lexicon)):
-        named = before.category not in _SUBJECTS and before.text != "to"
+        named = before.category not in _SUBJECTS and before.text not in _US
         if one.category is WordCategory.VERB and not one.form and named:
             return len(text[: one.start].split())
     return None
