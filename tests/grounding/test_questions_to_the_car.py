@@ -72,7 +72,13 @@ def test_who_is_ahead_holds_us_up(question: str) -> None:
     "question",
     [
         *("is the light green?", "what's the speed limit here?", "is it going to rain?", "whose car is that"),
-        *("how fast are we going?", "do we have to wait long?", "is that allowed there?", "why is the bus so slow?"),
+        *(
+            "where are we?",
+            "how fast are we going?",
+            "do we have to wait long?",
+            "is that allowed there?",
+            "why is the bus so slow?",
+        ),
     ],
 )
 def test_what_is_not_known_is_said_to_be_so(question: str) -> None:
@@ -110,7 +116,8 @@ def test_the_steps_are_read_out() -> None:
     session = drive()
     session.say("stop behind the blue car")
     session.say("and then stop behind the white car")
-    assert told(session, "read me the list").startswith("step 1: stop behind the blue car")
+    for question in ("read me the list", "where are we going?"):
+        assert told(session, question).startswith("step 1: stop behind the blue car")
 
 
 @pytest.mark.parametrize("text", ["did you see that car stop behind the white one", "is there a white car?"])
