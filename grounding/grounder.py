@@ -16,6 +16,8 @@ from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import AppoccError, DataError
 from grounding.answer import Answer
 from grounding.answering import answer_reading, reconcile
+from grounding.dialogue.conversation import Conversation
+from grounding.dialogue.questions import answer_question
 from grounding.dialogue.session import Session
 from grounding.language import Lexicon, Reading, parse_all, read_lexicon
 from grounding.query import Referent
@@ -131,11 +133,13 @@ class Grounder:
         return self._scene
 
     def ground(self, text: str) -> Answer:
-        """Ground a command; every text gets an answer.
+        """Ground a command; every text gets an answer. A question is no command, and its reasons answer it.
 
         Raises:
             AppoccError: if no scene is set.
         """
+        if told := answer_question(Conversation(self), text):
+            return replace(told, status="not_a_command")
         readings = self.read(text)
         return self.check(text, readings[0], self.best_answer(readings))
 

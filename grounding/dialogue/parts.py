@@ -11,6 +11,7 @@ from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.reports import notice
 from grounding.dialogue.sentences import answer_sentence, is_misunderstood
 from grounding.dialogue.turns import ASIDES, DOING, predict_turn
+from grounding.language.questions import asks_car
 from grounding.language.reader.fields import NONE
 from grounding.language.reader.network import Prediction
 from grounding.language.replies import named_distance, read_reply
@@ -110,6 +111,9 @@ def _parts(talk: Conversation, texts: Sequence[str]) -> list[Part]:
         _, prediction = predict_turn(talk, text, read_reply(text, talk.grounder.lexicon))
         if prediction is not None:
             act, shares = prediction.best("act"), prediction.choices["act"]
+            if asks_car(text, talk.grounder.lexicon):
+                found.append(Part(text, "about", 1.0, 0.0))
+                continue
             if act in _NAMING and _names_nothing(prediction, text):
                 found.append(Part(text, "remark", 1.0, 0.0))  # "there's a cello in the back"
                 continue

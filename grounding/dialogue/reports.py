@@ -13,9 +13,11 @@ from grounding.dialogue.descriptions import any_of
 from grounding.dialogue.fragments import complete, names_pronoun, only_named, read_description
 from grounding.dialogue.telling import ask, describe_goal, said
 from grounding.language import Reading
+from grounding.language.problems import ANSWERABLE
+from grounding.language.questions import read_question
 from grounding.query import Query
 from grounding.referent.resolver import MAX_CANDIDATES, find_all, resolve
-from grounding.requests import requests_of
+from grounding.requests import Request, requests_of
 from grounding.scene_object import SceneObject
 
 # What may be asked for in "which cars do you see?"; without one of them, it is about all vehicles.
@@ -35,6 +37,11 @@ def aside(talk: Conversation, text: str, *reasons: str) -> Answer:
     reading = Reading(Query(text), tokens=talk.read(text).tokens)
     asked = talk.state.question.question if talk.state.question else ""
     return Answer(status="ok", reading=reading, scene=talk.scene, reasons=reasons, question=asked)
+
+
+def unknown(talk: Conversation, text: str, what: str) -> Answer:
+    """Tell openly what neither the scene nor the plan tells."""
+    return aside(talk, text, f"that is not known here: {what}")
 
 
 def tell_goal(talk: Conversation, text: str) -> Answer:
@@ -68,7 +75,9 @@ def keep(talk: Conversation, text: str) -> Answer:
         return ask_again(talk, text)
     if talk.state.goal is None:
         return not_understood(talk, text, talk.read(text))
-    return replace(aside(talk, text, "the goal stays as it is"), status="not_a_command")
+    open_ = read_question(text, talk.grounder.lexicon)
+    told = "the goal stays as it is" if open_ is None else f"that is not known here; {ANSWERABLE}"
+    return replace(aside(talk, text, told), status="not_a_command")
 
 
 def pause(talk: Conversation, text: str) -> Answer:
@@ -154,12 +163,24 @@ def tell_room(talk: Conversation, text: str, words: str) -> Answer:
     base = talk.state.request.query if talk.state.request else Query("", "park")
     reading = complete(words, base, talk.antecedent, talk.readings)
     if reading is None:
-        planned = talk.state.goal is not None and talk.state.question is None
-        told = inform(talk, text, "yes: there is room for us at the goal") if planned else None
-        return told or not_understood(talk, text, talk.read(text))
+        return _tell_room_in_force(talk, text, words)
     chosen = talk.meant if names_pronoun(reading) else None
     query = replace(said(reading, text).query, action=base.action or "park")
-    requests = [replace(one, chosen=chosen) for one in requests_of(reading.with_query(query))]
+    return propose(talk, text, [replace(one, chosen=chosen) for one in requests_of(reading.with_query(query))])
+
+
+def _tell_room_in_force(talk: Conversation, text: str, words: str) -> Answer:
+    """Tell whether there is room at the goal, or why a place is asked about; another vehicle is no goal."""
+    question, goal = talk.state.question, talk.state.goal
+    if question is not None and question.plan.question:
+        return replace(ask_again(talk, text), reasons=("no", *question.reasons))
+    if goal is None or question is not None or read_description(words, talk.antecedent, talk.readings):
+        return not_understood(talk, text, talk.read(text))
+    return inform(talk, text, "yes: there is room for us at the goal")
+
+
+def propose(talk: Conversation, text: str, requests: Sequence[Request]) -> Answer:
+    """Tell whether there is a place; "do it" takes it then."""
     answer = talk.answer_steps(requests)
     if answer.status != "ok":
         return inform(talk, text, "no", *answer.reasons)

@@ -48,6 +48,7 @@ from grounding.dialogue.fragments import (
 )
 from grounding.dialogue.memory import Memory
 from grounding.dialogue.merging import merge_request
+from grounding.dialogue.questions import answer_question
 from grounding.dialogue.reports import (
     ask_again,
     cancel,
@@ -106,13 +107,6 @@ _BEFORE_REASONS = ("cancel", "any", "yes", "neither", "thanks", "undo", "why")
 _OF_THE_GRAMMAR = (*REFUSED, "faster")
 # "Then put me behind the van instead" is no further step.
 _INSTEAD = re.compile(r"\b(?:instead|rather)\b(?! of)", re.IGNORECASE)
-# "So you're not going to the silver car, right?" asks, whatever vehicle it names.
-_ASKS_PLAN = re.compile(
-    r"(?!.*\b(?:can|could|would|will) you\b)"  # who asks for something else
-    r"(?:so|and|but|then|okay|ok|right|wait)?,? ?(?:you|we)(?:'re| are|'d be|'ll be| will be| would be) "
-    r"(?:not |still )?(?:going|heading|stopping|parking|standing|parked|aiming)\b.*\?$",
-    re.IGNORECASE | re.DOTALL,
-)
 _OTHER_TURN = re.compile(r"a (left|right)(?: turn)?", re.IGNORECASE)
 # Least probability of a remark at the beginning where the grammar is lost.
 _SURE_REMARK = 0.75
@@ -129,8 +123,9 @@ _ABOUT_WORDS: Mapping[str, Callable[[Conversation, str, str], Answer]] = {
 def answer_sentence(talk: Conversation, text: str) -> Answer:
     """Answer a sentence by the likeliest act if it is certain, else by the grammar, else by the other likely acts."""
     before = talk.state
-    if before.goal is not None and _ASKS_PLAN.match(text.strip()):
-        return tell_goal(talk, text)
+    if told := answer_question(talk, text):
+        return told
+    talk.state = before
     waits = before.goal is not None and before.goal.pace == "standing" and before.question is None
     if waits and talk.read(text).query.manoeuvre == "onward":
         return answer_command(talk, text, text)  # "carry on" ends a wait

@@ -15,6 +15,8 @@ from grounding.language.syntax.word_model import common_words
 
 _EXAMPLE = "park behind the silver car"
 _ACTIONS = "park, stop, follow, overtake, turn and their like"
+# What to say of other questions.
+ANSWERABLE = "asked for can be vehicles, their distance, size, colour and speed, gaps, and the plan with its reasons"
 _FUNCTION_WORDS = (
     WordCategory.FILLER,
     WordCategory.GREETING,
@@ -71,7 +73,7 @@ def find_problem(
         return ParseProblem(message, unreadable=not any(token.text in common_words() for token in tokens))
     first = next(token for token in tokens if token.category not in _FUNCTION_WORDS)
     if first.category is WordCategory.QUESTION:
-        return ParseProblem("a question is no driving command", first.start, first.end)
+        return ParseProblem(f"a question is no driving command; {ANSWERABLE}", first.start, first.end)
     if first.category is WordCategory.NONDRIVE:
         return ParseProblem(f"'{first.written}' is no driving action: expected {_ACTIONS}", first.start, first.end)
     return ParseProblem(f"no driving action in it: expected {_ACTIONS}")

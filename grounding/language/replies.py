@@ -108,7 +108,7 @@ def read_reply(text: str, lexicon: Lexicon | None = None) -> Reply:
         return Reply(rest=text)
     lexicon = lexicon or default_lexicon()
     normalised = normalise(text)
-    words = tuple(_respelled(WORD.findall(normalised), lexicon))
+    words = tuple(respelled(WORD.findall(normalised), lexicon))
     number = _number(words, lexicon)
     if number is not None:
         return Reply(number=number)
@@ -132,7 +132,7 @@ def read_reply(text: str, lexicon: Lexicon | None = None) -> Reply:
     return Reply(kinds, " ".join(rest))
 
 
-def _respelled(words: Sequence[str], lexicon: Lexicon) -> Iterator[str]:
+def respelled(words: Sequence[str], lexicon: Lexicon) -> Iterator[str]:
     """Yield words in their usual spelling: "sry", "2nd", "nvm"; short ones may be others ("4", "ta")."""
     for word in words:
         usual = lexicon.respelled.get(word, ()) if len(word) >= _LEAST_RESPELLED else ()

@@ -70,8 +70,15 @@ def _out_of_sight(query: Query, referent: Referent, row: int, scene: SceneModel)
     described = referent.colour or referent.qualifiers or query.secondary
     if table.visible_share[row] <= _HIDDEN_SHARE and not (described or _in_our_lane(row, scene)):
         return "one that is hidden from here"  # who tells its colour knows of it
-    beyond = np.abs(table.lateral_m[row]) > OTHER_STREET_M and table.off_road_sight_m[row] > OTHER_STREET_M / 2
+    beyond = is_in_other_street(row, scene)
     return "one in another street" if beyond and not referent.qualifiers else ""
+
+
+def is_in_other_street(row: int, scene: SceneModel) -> bool:
+    """Return whether an object, by its row of the object table, is beyond what is no road."""
+    table = scene.table
+    far = np.abs(table.lateral_m[row]) > OTHER_STREET_M
+    return bool(far and table.off_road_sight_m[row] > OTHER_STREET_M / 2)
 
 
 def _in_our_lane(row: int, scene: SceneModel) -> bool:

@@ -1,0 +1,96 @@
+"""What is measured for a question: sizes, headings, the gap at a goal, the way there, and who is ahead of us."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from appocc.geometry import wrap_angle
+from appocc.polylines import length_m
+from grounding.answer import Answer
+from grounding.describe import describe_object
+from grounding.goal.planner import Target
+from grounding.referent.doubts import is_in_other_street
+from grounding.referent.scene import SceneModel
+from grounding.road.lane_model import LANE_M
+from grounding.scene_object import SceneObject
+
+# How far ahead a vehicle may hold us up, and how far from a goal one ends the gap there.
+_AHEAD_M, _GAP_M = 40.0, 20.0
+# A vehicle faces along our way, or against it, within this angle.
+_ALONG_RAD = np.radians(45)
+# Speed of a way through a street, for a rough time.
+_STREET_MPS = 4.0
+
+
+def describe_one(item: SceneObject, scene: SceneModel) -> str:
+    """Describe an object, with the note that it is in another street."""
+    away = ", in another street" if is_in_other_street(scene.table.items.index(item), scene) else ""
+    return f"the {describe_object(item, scene)}{away}"
+
+
+def describe_size(item: SceneObject, scene: SceneModel) -> str:
+    """Tell the length, width and height of an object."""
+    height = "" if item.height_m is None else f", {item.height_m:.1f} m high"
+    size = f"{item.length_m:.1f} m long, {item.width_m:.1f} m wide{height}"
+    return f"{describe_one(item, scene)}: {size}"
+
+
+def describe_heading(heading_rad: float) -> str:
+    """Tell a heading by ours: "the same way as we do", "against our way", "to our left"."""
+    angle = float(wrap_angle(heading_rad))
+    if abs(angle) <= _ALONG_RAD:
+        return "the same way as we do now"
+    if abs(angle) >= np.pi - _ALONG_RAD:
+        return "against our way"
+    return "to our left" if angle > 0 else "to our right"
+
+
+def describe_facing(item: SceneObject, scene: SceneModel) -> str:
+    """Tell which way an object faces."""
+    facing = describe_heading(item.yaw_rad) if item.front_known else "which way is not known"
+    return f"{describe_one(item, scene)}: it faces {facing}"
+
+
+def describe_gap(goal: Target, scene: SceneModel) -> str:
+    """Tell the gap in line with a goal: how long it is, and what is left before and behind us."""
+    forward = np.array([np.cos(goal.heading_ego_rad), np.sin(goal.heading_ego_rad)])
+    left = np.array([-forward[1], forward[0]])
+    before_m, behind_m = _GAP_M, _GAP_M
+    for item in scene.table.items:
+        offset = item.footprint() - goal.ego_m
+        along, across = offset @ forward, offset @ left
+        if across.min() < goal.ego.width_m / 2 and across.max() > -goal.ego.width_m / 2:
+            gap_m = max(along.min(), -along.max()) - goal.ego.length_m / 2
+            before_m = min(before_m, gap_m) if along.mean() > 0 else before_m
+            behind_m = min(behind_m, gap_m) if along.mean() <= 0 else behind_m
+    ends = [_tell_rest(before_m, "in front of us"), _tell_rest(behind_m, "behind us")]
+    if max(before_m, behind_m) < _GAP_M:
+        length = before_m + behind_m + goal.ego.length_m
+        return f"the gap is {length:.1f} m long, we are {goal.ego.length_m:.1f} m: {' and '.join(ends)}"
+    return f"at the goal: {' and '.join(ends)}"
+
+
+def _tell_rest(gap_m: float, where: str) -> str:
+    return f"{gap_m:.1f} m {where}" if gap_m < _GAP_M else f"nothing within {_GAP_M:.0f} m {where}"
+
+
+def way_to(goal: Answer | None) -> float | None:
+    """Return the length of the way to the end of a plan; None without one."""
+    routes = [one.plan.route for one in (goal.steps or (goal,))] if goal is not None else []
+    lengths = [length_m(route) for route in routes if route is not None]
+    return sum(lengths) if lengths else None
+
+
+def describe_way(way_m: float) -> str:
+    """Tell the length of a way, and a rough time."""
+    time = f"some {way_m / _STREET_MPS:.0f} s at {_STREET_MPS:.0f} m/s"
+    return f"the way to the goal is {way_m:.0f} m: {time} if nothing holds us up"
+
+
+def find_ahead(scene: SceneModel) -> SceneObject | None:
+    """Return the next vehicle or person ahead of us in our lane; None without one."""
+    table, front_m = scene.table, scene.ego.length_m - scene.ego.rear_overhang_m
+    ahead_m = table.along_m - front_m
+    held = (ahead_m > 0) & (ahead_m < _AHEAD_M) & (np.abs(table.lateral_m) < LANE_M / 2)
+    rows = np.flatnonzero(held)
+    return table.items[int(rows[np.argmin(table.along_m[rows])])] if len(rows) else None

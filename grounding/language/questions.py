@@ -1,0 +1,200 @@
+"""Questions to the car: what is asked, and the words that tell about which thing."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+from appocc.files import read_text
+from grounding.language.problems import check_type
+from grounding.language.replies import respelled
+from grounding.language.syntax.lexicon import Lexicon, default_lexicon
+from grounding.language.syntax.phrase_patterns import WORD, LexicalEntry
+from grounding.language.syntax.tokenizer import MAX_CHARACTERS, normalise, tokenise
+from grounding.language.syntax.word_categories import MODIFIERS, NOUNS, WordCategory
+
+_PATH = Path(__file__).parent / "syntax" / "data" / "questions.txt"
+_MAX_BYTES = 1_000_000
+_HEADING = re.compile(r"\[([a-z]+(?:: [^\]]+)?)\]")
+_LIMIT = "limit: "
+# Sections that tell how a question begins, and words that name no thing; the others are kinds.
+_FRAME = ("lead", "indirect", "asking", "marked", "wish", "elsewhere", "empty", "edge")
+# Kinds that only tell more of another one.
+_FURTHER = ("slow", "who", "together")
+# Kinds whose words describe a thing if its noun follows: "the moving van", "the light green car".
+_MOTION = ("moving", "standing")
+_ATTRIBUTES = (*_MOTION, _LIMIT)
+# Kinds after which a verb begins a command ("do you see the van stop behind it"), unless the past is asked about.
+_BEFORE_COMMANDS, _PAST = ("exists", "place", "what", "which", *_MOTION), ("did", "have")
+# Words after which a verb begins none.
+_SUBJECTS = (WordCategory.EGO, WordCategory.AUX, WordCategory.PRONOUN, WordCategory.NOT, WordCategory.TO)
+# "We're" is no "were".
+_ARE = re.compile(r"(?<=\w)'re\b|(?<=\byou)re\b|(?<=\bthey)re\b")
+_US = frozenset(("we", "us", "you", "u", "i", "our", "your"))
+_MARKS = ".;!?,"
+# Most words before a question that is told by another one: "my daughter wants to know".
+_MAX_BEFORE = 3
+
+
+@dataclass(frozen=True)
+class Question:
+    """A question to the car.
+
+    Attributes:
+        kinds: what is asked, as the sections of the file of questions that match, the main one first; none where
+            nothing is asked that can be answered.
+        words: the words that tell about which thing, '' for none.
+        of_us: whether it names the car or us, though perhaps besides a thing.
+        event: whether it asks what a thing did: "did you see the van stop?"
+    """
+
+    kinds: tuple[str, ...]
+    words: str
+    of_us: bool = False
+    event: bool = False
+
+    @property
+    def kind(self) -> str:
+        """What is mainly asked; '' for what cannot be answered."""
+        return self.kinds[0] if self.kinds else ""
+
+    @property
+    def limit(self) -> str:
+        """What is asked and never known; '' for other questions."""
+        return self.kind.removeprefix(_LIMIT) if self.kind.startswith(_LIMIT) else ""
+
+
+def read_question(text: str, lexicon: Lexicon | None = None) -> Question | None:
+    """Read a sentence as a question to the car; None if it is none, or asks for something to be done.
+
+    Raises:
+        CommandError: if the text is no string.
+    """
+    check_type(text)
+    if len(text) > MAX_CHARACTERS:
+        return None
+    lexicon = lexicon or default_lexicon()
+    written = tuple(respelled(WORD.findall(_ARE.sub(" are", normalise(text))), lexicon))
+    words = tuple(word.replace("'", "") for word in written)
+    start = _start(words)
+    if start is None or _says_more(words[start:]) or _find("elsewhere", words, start, lexicon):
+        return None
+    kinds = (kind for kind in _sections() if kind not in _FRAME)
+    spans = {kind: span for kind in kinds if (span := _find(kind, words, start, lexicon))}
+    main = next((kind for kind in spans if kind not in _FURTHER), "")
+    begin, end = spans[main] if main else (start, start)
+    kept = [i for i in range(start, len(words)) if not begin <= i < end]
+    until = _verb_after_thing([written[i] for i in kept], lexicon) if main in _BEFORE_COMMANDS else None
+    if until is not None and words[start] not in _PAST:
+        return None
+    kept = kept[:until]
+    about = _about(tuple(words[i] for i in kept), tuple(written[i] for i in kept))
+    event = until is not None or (main in _MOTION and words[start] in _PAST)
+    return Question(tuple(spans) if main else (), about, not _US.isdisjoint(words[start:]), event)
+
+
+def asks_car(text: str, lexicon: Lexicon | None = None) -> bool:
+    """Return whether a sentence asks the car something that can be answered, or told to be not known."""
+    question = read_question(text, lexicon)
+    return question is not None and bool(question.kind)
+
+
+def _start(words: tuple[str, ...]) -> int | None:
+    """Return where a question begins; None without one."""
+    start, marked = _skip_lead(words, 0), words[-1:] == ("?",)
+    for at in range(start, min(start + _MAX_BEFORE + 1, len(words))):
+        if (told := _end("indirect", words, at)) and (begun := _skip_lead(words, told)) < len(words):
+            embedded = words[begun] in ("if", "whether", "where", "when")
+            return begun if embedded and not _end("wish", words, begun) else _start_here(words, begun, marked)
+    return _start_here(words, start, marked)
+
+
+def _start_here(words: tuple[str, ...], start: int, marked: bool) -> int | None:
+    """Return the start if a question begins there; "why, ..." is an interjection."""
+    asks = _end("asking", words, start) or (marked and _end("marked", words, start))
+    return start if asks and words[asks : asks + 1] != (",",) and not _end("wish", words, start) else None
+
+
+def _says_more(words: tuple[str, ...]) -> bool:
+    """Return whether another sentence follows a question, or words after a comma that are not empty."""
+    if any(word in ".;!?" for word in words[:-1]):
+        return True
+    after = words[words.index(",") :] if "," in words else ()
+    at = 0
+    while at < len(after) and (after[at] in _MARKS or _end("empty", after, at) or _end("lead", after, at)):
+        at = _end("empty", after, at) or _end("lead", after, at) or at + 1
+    return at < len(after)
+
+
+def _skip_lead(words: tuple[str, ...], start: int) -> int:
+    while start < len(words) and (words[start] in _MARKS or _end("lead", words, start)):
+        start = _end("lead", words, start) or start + 1
+    return start
+
+
+def _find(kind: str, words: tuple[str, ...], start: int, lexicon: Lexicon) -> tuple[int, int] | None:
+    """Return the first words of a section: (start, end)."""
+    for at in range(start, len(words)):
+        end = _end(kind, words, at)
+        if end and not (kind.startswith(_ATTRIBUTES) and _noun_follows(words, end, lexicon)):
+            return at, end
+    return None
+
+
+def _noun_follows(words: tuple[str, ...], at: int, lexicon: Lexicon) -> bool:
+    """Return whether a noun follows, with or without adjectives."""
+    while at < len(words) and (matched := lexicon.longest_match(words, at)):
+        if matched[1].category in NOUNS:
+            return True
+        if matched[1].category not in MODIFIERS:
+            return False
+        at = matched[0]
+    return False
+
+
+def _verb_after_thing(words: Sequence[str], lexicon: Lexicon) -> int | None:
+    """Return the index of the word at which a verb in its base form follows a thing: "the van stop behind it"."""
+    text = " ".join(words)
+    for before, one in pairwise(tokenise(text, lexicon)):
+        named = before.category not in _SUBJECTS and before.text not in _US
+        if one.category is WordCategory.VERB and not one.form and named:
+            return len(text[: one.start].split())
+    return None
+
+
+def _about(words: tuple[str, ...], written: tuple[str, ...]) -> str:
+    """Return the words about a thing: without empty ones, marks and those at the ends."""
+    kept, at = list[int](), 0
+    while at < len(words):
+        end = _end("empty", words, at)
+        if not end and words[at] not in _MARKS:
+            kept.append(at)
+        at = end or at + 1
+    while kept and _end("edge", (words[kept[0]],), 0):
+        kept.pop(0)
+    while kept and _end("edge", (words[kept[-1]],), 0):
+        kept.pop()
+    return " ".join(written[i] for i in kept)
+
+
+def _end(section: str, words: tuple[str, ...], start: int) -> int:
+    """Return the end of the longest phrase of a section from a word on; 0 if there is none."""
+    matched = _sections()[section].longest_match(words, start) if start < len(words) else None
+    return matched[0] if matched else 0
+
+
+@cache
+def _sections() -> dict[str, Lexicon]:
+    """Return the patterns of each section of the file of questions, in its order."""
+    sections, name = dict[str, Lexicon](), ""
+    for line in read_text(_PATH, _MAX_BYTES).splitlines():
+        if heading := _HEADING.fullmatch(line):
+            name = heading[1]
+            sections[name] = Lexicon()
+        elif line and not line.startswith("#"):
+            sections[name].add(line, LexicalEntry(WordCategory.FILLER, name))
+    return sections
