@@ -209,12 +209,13 @@ def plan_place(
         cannot = "there is nothing to overtake" if query.action == "overtake" else "no place beside it stays"
         reason = f"it comes towards us at {item.speed_mps:.0f} m/s: {cannot}"
         return GoalPlan(None, (reason,), question=_LET_PASS, instead="give_way", refused=True)
+    if item is not None and _is_caught_up_with(query, item, road):
+        following = replace(query, action="follow", relation="none")
+        plan = plan_place(following, scene, road, item, forbidden=forbidden)
+        until = " until it stands" if query.action == "stop" else ""
+        return replace(plan, reasons=(f"it {_moves(item)}: we follow it{until}", *plan.reasons))
     if item is not None and _drives_away(query, item):
-        moves = "moves" if item.speed_mps is None else f"drives at {item.speed_mps:.0f} m/s"
-        if query.action == "stop" and query.relation in ("none", "behind") and _drives_before_us(item, road):
-            following = replace(query, action="follow", relation="none")
-            plan = plan_place(following, scene, road, item, forbidden=forbidden)
-            return replace(plan, reasons=(f"it {moves}: we follow it until it stands", *plan.reasons))
+        moves = _moves(item)
         reason = f"it {moves}, so that no place beside it stays"
         return GoalPlan(None, (reason,), question=_FOLLOW, instead="follow")
     proposed, reasons = propose_candidates(query, road, item, partner)
@@ -225,13 +226,15 @@ def plan_place(
             plain = replace(query, landmark=None, relation="none", secondary=())
             return GoalPlan(None, tuple(reasons), nearest=plan_place(plain, scene, road, start=start).target)
         return GoalPlan(None, tuple(reasons))
-    if item is not None and limits.our_side and _is_on_other_side(item, road):
+    if item is not None and item.class_name != "person" and limits.our_side and _is_on_other_side(item, road):
         # Who names a vehicle that stands there asks for a place there: with the traffic if we can turn.
         # Before one that drives there we stay on our side, unless we are to go where it goes.
         drives = (item.speed_mps or 0.0) > DRIVING_MPS
         if not drives:
             proposed = [turned for each in proposed for turned in _with_traffic(each, road)]
         limits = replace(limits, our_side=drives and query.action == "approach" and query.relation in _TOWARDS)
+    if item is not None and item.class_name == "person" and limits.our_side:
+        proposed = [_in_our_lanes(each, road) for each in proposed]
     candidate_sets = [_with_costs(each, query, limits, road) for each in proposed]
     references = [one for one in (item, partner) if one]
     excluded = _excluded_cells(forbidden, road)
@@ -242,7 +245,7 @@ def plan_place(
         best, way = again.find_reachable(1 + _RUNNERS_UP)
         if best:
             search = again
-            reasons = [*reasons, "the way is free once those ahead of us have driven on"]
+            reasons = [*reasons, "the way and the place are free once those ahead of us have driven on"]
     if not best or way is None:
         return _plan_without_target(search, item, reasons)
     target, *others = (to_target(candidate, scene, road) for candidate in best)
@@ -263,6 +266,21 @@ def _drives_away(query: Query, item: SceneObject) -> bool:
     return stands and query.trigger is None and (said or (item.speed_mps or 0.0) > most_mps)
 
 
+def _is_caught_up_with(query: Query, item: SceneObject, road: RoadMap) -> bool:
+    """Return whether to get behind or up to a vehicle is to follow it, since it drives on ahead of us."""
+    if query.action == "stop":
+        drives = query.relation in ("none", "behind") and _drives_away(query, item)
+    else:
+        behind = query.action == "approach" and query.relation in (*_TOWARDS, "behind")
+        drives = behind and (item.speed_mps or 0.0) > DRIVING_MPS
+    return drives and _drives_before_us(item, road)
+
+
+def _moves(item: SceneObject) -> str:
+    """Return how a vehicle drives, in words."""
+    return "moves" if item.speed_mps is None else f"drives at {item.speed_mps:.0f} m/s"
+
+
 def _drives_before_us(item: SceneObject, road: RoadMap) -> bool:
     """Return whether a vehicle drives ahead of us in our direction, in our lane or the next."""
     along, lateral = (float(each) for each in road.ego_lane.project(item.centre_m))
@@ -275,6 +293,12 @@ def _comes_towards_us(item: SceneObject, road: RoadMap) -> bool:
     along, _ = (float(each) for each in road.ego_lane.project(item.centre_m))
     against = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) < -_SAME_WAY
     return bool(item.front_known and against and along > 0 and (item.speed_mps or 0.0) > DRIVING_MPS)
+
+
+def _in_our_lanes(candidates: CandidateSet, road: RoadMap) -> CandidateSet:
+    """Return the candidates that do not reach from our lane towards oncoming traffic: a junction has no sides."""
+    towards_m = road.traffic_side * road.lateral_m[tuple(candidates.cells.T)]
+    return candidates.subset(towards_m <= (LANE_M - road.ego.width_m) / 2)
 
 
 def _with_traffic(candidates: CandidateSet, road: RoadMap) -> list[CandidateSet]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from grounding.goal import ego_lane
 from grounding.goal.at_landmark import landmark_of, propose_at_landmark
-from grounding.goal.beside_vehicle import PARKING, Proposal, propose_beside, propose_in_line, propose_near
+from grounding.goal.beside_vehicle import PARKING, SECOND, Proposal, propose_beside, propose_in_line, propose_near
 from grounding.goal.candidates import CandidateSet, DistanceRange
 from grounding.goal.lane_relative import propose_between, propose_on_our_way, propose_opposite
 from grounding.goal.reference_frames import ReferenceVehicle
@@ -39,6 +40,8 @@ _SHORT_OF_M = 5.0
 _TURN_M, _TURN_BEYOND_M = 3.0, 14.0
 # A vehicle whose side is this close to the centreline is in our way.
 _IN_OUR_WAY_M = 1.5
+# Tolerance along a person for candidates level with them.
+_ABREAST_M = 2.0
 # Least lateral offset of candidates on one side of the ego lane.
 _MIN_SIDE_M = 0.2
 
@@ -103,7 +106,7 @@ def propose_relation(relation: str, query: Query, road: RoadMap, item: SceneObje
     if item.class_name == "person":
         short, beyond, *level = propose_near("near", query, item, road)[0]
         parts = {"behind": [short], "before": [short], "past": [beyond]}
-        return parts.get(relation, [*level, short, beyond]), []
+        return parts.get(relation, [*level, *_propose_abreast(query, item, road), short, beyond]), []
     if relation in ("behind", "in_front_of", "same_as"):
         return propose_in_line("behind" if relation == "same_as" else relation, query, item, road)
     if relation in ("next_to", "left_of", "right_of"):
@@ -113,6 +116,19 @@ def propose_relation(relation: str, query: Query, road: RoadMap, item: SceneObje
     if relation == "opposite":
         return propose_opposite(query, item, road)
     return propose_near(relation if relation in ("toward", "at") else "near", query, item, road)
+
+
+def _propose_abreast(query: Query, item: SceneObject, road: RoadMap) -> list[CandidateSet]:
+    """Return candidates level with a person who may be across the road: at our edge to park, else in our lane."""
+    reference = ReferenceVehicle(item, road, 0.0)
+    along_m, _ = reference.lane_position
+    if not reference.beside_ego_lane:
+        return []
+    level = DistanceRange(along_m - _ABREAST_M, along_m, along_m + _ABREAST_M)
+    side = query.goal_side or ("right" if road.traffic_side > 0 else "left")
+    parks, words = query.action in PARKING, "level with it, on our side of the road"
+    found = ego_lane.propose_at_edge(road, side, level) if parks else ego_lane.propose_in_lane(road, level, words)
+    return [replace(each, words=words, cost=each.cost + SECOND) for each in found]
 
 
 def _propose_with(query: Query, road: RoadMap, item: SceneObject, partner: SceneObject | None) -> OptionalProposal:
