@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from appocc.checks import BoolArray
 from appocc.geometry import wrap_angle
 from grounding.goal import ego_lane
 from grounding.goal.beside_vehicle import PARKING, propose_beside
@@ -20,6 +21,8 @@ from grounding.vocabulary import LANDMARK_KINDS, ORDINALS
 _GAP_M, _PARKED_GAP_M = 1.0, 3.0
 # A place short of a landmark may be this much farther from it, as in a queue; one past it too.
 _QUEUE_M, _ON_M = 15.0, 12.0
+# What is not to be near a landmark is this far from it.
+_CLEAR_M = 5.0
 # Our front may be over the near side of a landmark by this.
 _OVER_M = 0.5
 _PAST = ("past", "opposite")
@@ -65,11 +68,6 @@ def propose_at_landmark(query: Query, part: Landmark, road: RoadMap) -> tuple[li
     if number >= len(spans):
         return None, [f"only {len(spans)} {kind}{'s' if len(spans) > 1 else ''} ahead of us: the map shows no more"]
     span = spans[number]
-    if past and span.far_m >= road.ego_lane.end_m:
-        told = f"the {kind} reaches beyond the end of the map"
-        if not through:
-            return None, [f"{told}: what is past it is not known here"]
-        return _propose_on_the_way(span, road), [f"{told}: the place is on the way through it"]
     reasons = [f"the {kind} is {max(span.near_m - front_m, 0.0):.0f} m ahead of our front"]
     if query.action == "turn" and query.direction in ("left", "right"):
         how = "past" if past else "before" if part.relation == "before" else "at"
@@ -78,7 +76,27 @@ def propose_at_landmark(query: Query, part: Landmark, road: RoadMap) -> tuple[li
     if query.direction == "around":
         ahead_m = span.far_m if past else span.near_m if part.relation == "before" else span.middle_m
         return ego_lane.propose_turned_around(road, ahead_m), reasons
+    if past and span.far_m >= road.ego_lane.end_m:
+        told = f"the {kind} reaches beyond the end of the map"
+        if not through:
+            return None, [f"{told}: what is past it is not known here"]
+        return _propose_on_the_way(span, road), [f"{told}: the place is on the way through it"]
     return _propose_along(query, span, past, kind, road), reasons
+
+
+def keep_clear(query: Query, road: RoadMap) -> list[tuple[str, BoolArray]]:
+    """Return what a command keeps clear of landmarks: in words, and the cells (X, Y) of centres that it rules out."""
+    found = []
+    for part in query.excluded:
+        kind = LANDMARK_KINDS.get(part.noun, "")
+        if part.relation is None or not road.landmarks.knows(kind):
+            continue
+        clear_m = 0.0 if part.relation in _INSIDE else part.distance_m or _CLEAR_M
+        reach_m = clear_m + road.ego.length_m / 2 + road.grid.cell_m
+        away_m = road.landmarks.distance_field_m(road.grid, kind)
+        where = f"less than {clear_m:.0f} m from" if clear_m else "on"
+        found.append((f"places {where} a {kind} are ruled out", away_m <= reach_m))
+    return found
 
 
 def _is_ahead(span: Span, past: bool, front_m: float) -> bool:

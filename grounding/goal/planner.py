@@ -12,6 +12,7 @@ from appocc.checks import BoolArray, FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import footprints, wrap_angle
 from appocc.motion_state import DRIVING_MPS, MOVING_MPS
+from grounding.goal.at_landmark import keep_clear
 from grounding.goal.candidates import CandidateSet, GoalCandidate
 from grounding.goal.limits import (
     AGAINST_TRAFFIC,
@@ -237,7 +238,9 @@ def plan_place(
         proposed = [_in_our_lanes(each, road) for each in proposed]
     candidate_sets = [_with_costs(each, query, limits, road) for each in proposed]
     references = [one for one in (item, partner) if one]
-    excluded = _excluded_cells(forbidden, road)
+    kept_clear = keep_clear(query, road)
+    excluded = _excluded_cells(forbidden, road, [cells for _, cells in kept_clear])
+    reasons = [*reasons, *(words for words, _ in kept_clear)]
     search = CandidateSearch(candidate_sets, scene, road, references, excluded, limits)
     best, way = search.find_reachable(1 + _RUNNERS_UP)
     if not best and (later := road.after_traffic(references)) is not None:
@@ -251,8 +254,7 @@ def plan_place(
     target, *others = (to_target(candidate, scene, road) for candidate in best)
     reasons = [*reasons, *_explain_target(search, best[0], way), *_explain_second_row(query, best[0], road)]
     if target.score < _MIN_SCORE_OK:
-        fits = f"its score is {target.score:.2f}, {_MIN_SCORE_OK} is needed"
-        reasons.append(f"the best free place fits the command badly: {fits}")
+        reasons.append("the best free place fits the command badly: it is too far from what is asked for")
         return GoalPlan(None, tuple(reasons), nearest=target, search=search)
     return GoalPlan(target, tuple(reasons), way, tuple(others), None, search)
 
@@ -326,11 +328,15 @@ def _with_costs(candidates: CandidateSet, query: Query, limits: PlaceLimits, roa
     return replace(found, cost=found.cost + standing + reversing)
 
 
-def _excluded_cells(forbidden: Sequence[tuple[str, SceneObject]], road: RoadMap) -> BoolArray | None:
-    """Return the cells (X, Y) in forbidden relations, None without any."""
-    if not forbidden:
+def _excluded_cells(
+    forbidden: Sequence[tuple[str, SceneObject]], road: RoadMap, kept_clear: Sequence[BoolArray]
+) -> BoolArray | None:
+    """Return the cells (X, Y) in forbidden relations, and others to keep clear; None without any."""
+    if not (forbidden or kept_clear):
         return None
     excluded = np.zeros(road.grid.shape, np.bool_)
+    for cells in kept_clear:
+        excluded |= cells
     for relation, item in forbidden:
         for candidates in propose_relation(relation, Query("", "stop"), road, item)[0]:
             excluded[tuple(candidates.cells.T)] = True

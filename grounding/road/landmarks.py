@@ -67,6 +67,14 @@ class Landmarks:
             found |= polygon_cover(grid, outline) >= 0.5
         return found
 
+    def distance_field_m(self, grid: BEVGrid, kind: str) -> FloatArray:
+        """Return the distance (X, Y) of cells to the nearest landmark of a kind on the map; 0 in it."""
+        apart = ~self.cells(grid, kind)
+        if apart.all():
+            return np.full(grid.shape, np.inf)
+        far = cv2.distanceTransform(apart.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        return far.astype(np.float64) * grid.cell_m
+
     def distances_m(self, kind: str, points_m: FloatArray) -> FloatArray:
         """Return the distance (N,) of points (N, 2), ego frame, to the nearest landmark of a kind; 0 inside it."""
         found = np.full(len(points_m), np.inf)
