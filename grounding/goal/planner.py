@@ -26,6 +26,7 @@ from grounding.goal.limits import (
 )
 from grounding.goal.proposals import explain_refusal, propose_candidates, propose_relation
 from grounding.goal.search import CandidateSearch
+from grounding.goal.traffic import TOWARDS, comes_towards_us, drives_away, how_it_moves, is_caught_up_with
 from grounding.query import Query
 from grounding.referent.scene import SceneModel
 from grounding.road.car_paths import CarRoute
@@ -42,8 +43,6 @@ _IN_LANE_M = 1.5
 _RUNNERS_UP = 3
 # A parked ego farther than this from the edge of the road stands in the way of others.
 _AT_EDGE_M = 1.6
-# Least cosine between the heading of a vehicle and our direction of travel if it goes our way.
-_SAME_WAY = 0.7
 # A way that turns by more is a turn in the road; reversing less than this is not worth a word.
 _TURN_ROUND_RAD, _LITTLE_M = np.radians(150), 0.5
 # Where only one limit stands against the best place, that is asked.
@@ -61,8 +60,6 @@ _PACE_REASONS = {
     "faster": "that asks for more speed and for no place",
     "standing": "that asks to stand where we are, and for no place",
 }
-# Relations of a place on the way to a vehicle.
-_TOWARDS = ("none", "toward", "near", "at")
 _MIN_SCORE = 1e-6
 # No answer below this score.
 _MIN_SCORE_OK = 0.1
@@ -204,20 +201,19 @@ def plan_place(
     limits = PlaceLimits.of(query, road.traffic_side)
     if (
         item is not None
-        and (query.action == "overtake" or query.relation in _BESIDE or _drives_away(query, item))
-        and _comes_towards_us(item, road)
+        and (query.action == "overtake" or query.relation in _BESIDE or drives_away(query, item))
+        and comes_towards_us(item, road)
     ):
         cannot = "there is nothing to overtake" if query.action == "overtake" else "no place beside it stays"
         reason = f"it comes towards us at {item.speed_mps:.0f} m/s: {cannot}"
         return GoalPlan(None, (reason,), question=_LET_PASS, instead="give_way", refused=True)
-    if item is not None and _is_caught_up_with(query, item, road):
+    if item is not None and is_caught_up_with(query, item, road):
         following = replace(query, action="follow", relation="none")
         plan = plan_place(following, scene, road, item, forbidden=forbidden)
         until = " until it stands" if query.action == "stop" else ""
-        return replace(plan, reasons=(f"it {_moves(item)}: we follow it{until}", *plan.reasons))
-    if item is not None and _drives_away(query, item):
-        moves = _moves(item)
-        reason = f"it {moves}, so that no place beside it stays"
+        return replace(plan, reasons=(f"it {how_it_moves(item)}: we follow it{until}", *plan.reasons))
+    if item is not None and drives_away(query, item):
+        reason = f"it {how_it_moves(item)}, so that no place beside it stays"
         return GoalPlan(None, (reason,), question=_FOLLOW, instead="follow")
     proposed, reasons = propose_candidates(query, road, item, partner)
     if item is not None and item.speed_mps is not None and item.speed_mps > MOVING_MPS:
@@ -233,7 +229,7 @@ def plan_place(
         drives = (item.speed_mps or 0.0) > DRIVING_MPS
         if not drives:
             proposed = [turned for each in proposed for turned in _with_traffic(each, road)]
-        limits = replace(limits, our_side=drives and query.action == "approach" and query.relation in _TOWARDS)
+        limits = replace(limits, our_side=drives and query.action == "approach" and query.relation in TOWARDS)
     if item is not None and item.class_name == "person" and limits.our_side:
         proposed = [_in_our_lanes(each, road) for each in proposed]
     candidate_sets = [_with_costs(each, query, limits, road) for each in proposed]
@@ -257,44 +253,6 @@ def plan_place(
         reasons.append("the best free place fits the command badly: it is too far from what is asked for")
         return GoalPlan(None, tuple(reasons), nearest=target, search=search)
     return GoalPlan(target, tuple(reasons), way, tuple(others), None, search)
-
-
-def _drives_away(query: Query, item: SceneObject) -> bool:
-    """Return whether a place to stand is asked for beside a vehicle that drives on."""
-    stands = query.action in ("park", "pull_over", "stop") and query.relation != "same_as"
-    # Who parks stays longer than one that creeps in a queue.
-    most_mps = MOVING_MPS if query.action in PARKING_ACTIONS else DRIVING_MPS
-    said = item.speed_mps is None and query.referent is not None and "moving" in query.referent.qualifiers
-    return stands and query.trigger is None and (said or (item.speed_mps or 0.0) > most_mps)
-
-
-def _is_caught_up_with(query: Query, item: SceneObject, road: RoadMap) -> bool:
-    """Return whether to get behind or up to a vehicle is to follow it, since it drives on ahead of us."""
-    if query.action == "stop":
-        drives = query.relation in ("none", "behind") and _drives_away(query, item)
-    else:
-        behind = query.action == "approach" and query.relation in (*_TOWARDS, "behind")
-        drives = behind and (item.speed_mps or 0.0) > DRIVING_MPS
-    return drives and _drives_before_us(item, road)
-
-
-def _moves(item: SceneObject) -> str:
-    """Return how a vehicle drives, in words."""
-    return "moves" if item.speed_mps is None else f"drives at {item.speed_mps:.0f} m/s"
-
-
-def _drives_before_us(item: SceneObject, road: RoadMap) -> bool:
-    """Return whether a vehicle drives ahead of us in our direction, in our lane or the next."""
-    along, lateral = (float(each) for each in road.ego_lane.project(item.centre_m))
-    ours = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) > _SAME_WAY
-    return bool(item.front_known and ours and along > 0 and abs(lateral) < 1.5 * LANE_M)
-
-
-def _comes_towards_us(item: SceneObject, road: RoadMap) -> bool:
-    """Return whether a vehicle ahead of us drives against our direction."""
-    along, _ = (float(each) for each in road.ego_lane.project(item.centre_m))
-    against = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) < -_SAME_WAY
-    return bool(item.front_known and against and along > 0 and (item.speed_mps or 0.0) > DRIVING_MPS)
 
 
 def _in_our_lanes(candidates: CandidateSet, road: RoadMap) -> CandidateSet:
