@@ -250,7 +250,7 @@ def plan_place(
     target, *others = (to_target(candidate, scene, road) for candidate in best)
     reasons = [*reasons, *_explain_target(search, best[0], way), *_explain_second_row(query, best[0], road)]
     if target.score < _MIN_SCORE_OK:
-        reasons.append("the best free place fits the command badly: it is too far from what is asked for")
+        reasons.append("the best free place fits the command badly: it is too far away, or too awkward to reach")
         return GoalPlan(None, tuple(reasons), nearest=target, search=search)
     return GoalPlan(target, tuple(reasons), way, tuple(others), None, search)
 

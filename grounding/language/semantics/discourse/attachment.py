@@ -197,7 +197,7 @@ def _attach_object(state: DiscourseState, frame: CommandFrame, phrase: NounPhras
         add_mention(state, phrase, "target")
     else:
         reaches = frame.verb.endswith(" to") and phrase.kind == "thing"  # "creep up to the stop line"
-        if reaches and attach_kerb(state, phrase):
+        if reaches and attach_kerb(state, "toward", phrase):
             return
         frame.landmarks.append(("toward" if reaches else "object", phrase))
         add_mention(state, phrase, "landmark")

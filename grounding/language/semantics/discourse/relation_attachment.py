@@ -113,10 +113,11 @@ def attach_target(state: DiscourseState, relation: str, phrase: NounPhrase) -> N
         attach_distance(state, "descriptor")
 
 
-def attach_kerb(state: DiscourseState, phrase: NounPhrase) -> bool:
+def attach_kerb(state: DiscourseState, relation: str, phrase: NounPhrase) -> bool:
     """Put the goal at our kerb, at the open distance: "1 m from the kerb"; return whether the phrase is the kerb."""
     frame = state.host_frame
-    if phrase.head not in KERBS:
+    reached = relation == "toward" and frame.verb_class == "stop" and state.open_distance_m is None
+    if phrase.head not in KERBS or reached:  # "pull up to the kerb" names a place, "nose in to the kerb" a manner
         return False
     attach_distance(state, "kerb")
     if frame.target is None and frame.verb_class in _STANDING:
@@ -131,7 +132,7 @@ def _attach_landmark(state: DiscourseState, relation: str, phrase: NounPhrase) -
     if frame.negated:
         exclude(state, relation, phrase)
         return
-    if relation in _AT_KERB and attach_kerb(state, phrase):
+    if relation in _AT_KERB and attach_kerb(state, relation, phrase):
         return
     if frame.target is not None and noun is not None and noun.kind in ("vehicle", "person"):
         noun.related.append((relation, phrase))
