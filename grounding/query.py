@@ -19,8 +19,9 @@ Direction = Literal["left", "right", "around", "straight"]
 Side = Literal["left", "right"]
 # Side of the road by its traffic: at our kerb, or the other one.
 RoadSide = Literal["kerb", "opposite"]
-# Meaning of a distance: gap between goal and referent, distance to drive, distance from the ego to the referent.
-DistanceRole = Literal["referent", "ego", "descriptor"]
+# Meaning of a distance: gap between goal and referent, distance to drive, distance from the ego to the referent, gap
+# between goal and the edge of the road.
+DistanceRole = Literal["referent", "ego", "descriptor", "kerb"]
 
 # What an action without a place asks for.
 _PACES: dict[str, Pace] = {"slow_down": "slower", "wait": "standing"}
@@ -140,6 +141,7 @@ class Exclusion:
         relation: relation that the goal must not have to such an object; None if it must not be the referent.
         noun: as in `Landmark`.
         colour: as in `Referent`.
+        distance_m: how far from such an object the goal must be: "not within 10 m of the crossing"; None: not said.
         qualifiers: as in `Referent`.
     """
 
@@ -147,6 +149,7 @@ class Exclusion:
     noun: str
     colour: str | None = None
     qualifiers: tuple[str, ...] = ()
+    distance_m: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the exclusion with the keys of labelled command files."""
@@ -155,6 +158,7 @@ class Exclusion:
             "noun": self.noun,
             "colour": self.colour,
             "qualifiers": list(self.qualifiers),
+            **({} if self.distance_m is None else {"distance_m": self.distance_m}),
         }
 
 
@@ -175,7 +179,8 @@ class Query:
         road_side: the same, named by the traffic: "by the kerb", "on the other side of the road".
         trigger: what the referent does first: "after the bus leaves"; None without an awaited event.
         distance_m: distance in metres; None if none is named.
-        distance_of: what the distance is: the gap to the referent, the way to go, or how far away the referent is.
+        distance_of: what the distance is: the gap to the referent or the kerb, the way to go, or how far away the
+            referent is.
         excluded: what is not meant: "not the red one", "anywhere except behind the truck".
         count: which branch to turn into ("the third left" is 3), or how many lanes to change; None if not named.
         manoeuvre: how to drive, if the verb says more than the action: onward, back, creep, faster, or a refused one.

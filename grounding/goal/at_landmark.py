@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from appocc.checks import BoolArray
 from appocc.geometry import wrap_angle
 from grounding.goal import ego_lane
 from grounding.goal.beside_vehicle import PARKING, propose_beside
@@ -20,6 +21,8 @@ from grounding.vocabulary import LANDMARK_KINDS, ORDINALS
 _GAP_M, _PARKED_GAP_M = 1.0, 3.0
 # A place short of a landmark may be this much farther from it, as in a queue; one past it too.
 _QUEUE_M, _ON_M = 15.0, 12.0
+# What is not to be near a landmark is this far from it.
+_CLEAR_M = 5.0
 # Our front may be over the near side of a landmark by this.
 _OVER_M = 0.5
 _PAST = ("past", "opposite")
@@ -48,12 +51,17 @@ def propose_at_landmark(query: Query, part: Landmark, road: RoadMap) -> tuple[li
         return None, [f"no {kind} is known here: the map does not show any"]
     if kind == "car park":
         return _propose_in_car_park(query, road)
-    through = part.relation in _INSIDE and query.action in _ON_THE_WAY
+    if query.manoeuvre == "back":
+        return _propose_backwards(kind, road)
+    straight = query.direction == "straight" and part.relation == "at"
+    through = query.action in _ON_THE_WAY and (straight or part.relation in _INSIDE)
     if part.relation in _INSIDE and query.action != "turn" and not through:
         return None, [f"a {kind} is to be kept free: no place on it will do"]
     past = through or part.relation in _PAST or (part.relation == "behind" and kind not in _LINES)
     front_m = road.ego.length_m / 2
     spans = [one for one in road.landmarks.spans(kind, road.ego_lane) if _is_ahead(one, past, front_m)]
+    beyond_m = _passed_m(query, part, road)
+    spans = [one for one in spans if one.middle_m > beyond_m]
     number = next((ORDINALS[word] - 1 for word in part.qualifiers if word in ORDINALS), 0)
     if not spans:
         return None, [f"no {kind} is known ahead of us"]
@@ -63,16 +71,65 @@ def propose_at_landmark(query: Query, part: Landmark, road: RoadMap) -> tuple[li
     reasons = [f"the {kind} is {max(span.near_m - front_m, 0.0):.0f} m ahead of our front"]
     if query.action == "turn" and query.direction in ("left", "right"):
         how = "past" if past else "before" if part.relation == "before" else "at"
-        found, more = propose_side_road(road, query.direction, (span.near_m + span.far_m) / 2, how)
+        found, more = propose_side_road(road, query.direction, span.middle_m, how)
         return found, [*reasons, *more]
     if query.direction == "around":
-        ahead_m = span.far_m if past else span.near_m if part.relation == "before" else (span.near_m + span.far_m) / 2
+        ahead_m = span.far_m if past else span.near_m if part.relation == "before" else span.middle_m
         return ego_lane.propose_turned_around(road, ahead_m), reasons
+    if past and span.far_m >= road.ego_lane.end_m:
+        told = f"the {kind} reaches beyond the end of the map"
+        if not through:
+            return None, [f"{told}: what is past it is not known here"]
+        return _propose_on_the_way(span, road), [f"{told}: the place is on the way through it"]
     return _propose_along(query, span, past, kind, road), reasons
+
+
+def keep_clear(query: Query, road: RoadMap) -> list[tuple[str, BoolArray]]:
+    """Return what a command keeps clear of landmarks: in words, and the cells (X, Y) of centres that it rules out."""
+    found = []
+    for part in query.excluded:
+        kind = LANDMARK_KINDS.get(part.noun, "")
+        if part.relation is None or not road.landmarks.knows(kind):
+            continue
+        clear_m = 0.0 if part.relation in _INSIDE else part.distance_m or _CLEAR_M
+        reach_m = clear_m + road.ego.length_m / 2 + road.grid.cell_m
+        away_m = road.landmarks.distance_field_m(road.grid, kind)
+        where = f"less than {clear_m:.0f} m from" if clear_m else "on"
+        found.append((f"places {where} a {kind} are ruled out", away_m <= reach_m))
+    return found
 
 
 def _is_ahead(span: Span, past: bool, front_m: float) -> bool:
     return span.far_m > 0 if past else span.near_m > front_m - _OVER_M
+
+
+def _passed_m(query: Query, part: Landmark, road: RoadMap) -> float:
+    """Return the middle along our lane of what is driven through on the way to a landmark, minus infinity without it.
+
+    "The crossing on the far side" is beyond a junction, whether the command names it or not.
+    """
+    through = [other for other in query.secondary if other is not part and other.relation in (*_INSIDE, "past")]
+    kinds = {LANDMARK_KINDS[other.noun] for other in through if other.noun in LANDMARK_KINDS}
+    kinds |= {"junction"} if "opposite_side" in part.qualifiers else set()
+    spans = (road.landmarks.spans(kind, road.ego_lane) for kind in kinds)
+    ahead = ([one for one in found if one.far_m > road.ego.length_m / 2] for found in spans)
+    return max((found[0].middle_m for found in ahead if found), default=-np.inf)
+
+
+def _propose_backwards(kind: str, road: RoadMap) -> tuple[list[CandidateSet] | None, list[str]]:
+    """Return candidates to which we drive backwards, short of a landmark behind us."""
+    spans = [one for one in road.landmarks.spans(kind, road.line_behind) if one.near_m > road.ego.length_m / 2]
+    if not spans:
+        return None, [f"no {kind} is known behind us"]
+    back_m = max(spans[0].near_m - road.ego.length_m / 2 - _GAP_M, 0.0)
+    return ego_lane.propose_back(road, back_m), [f"the {kind} is {spans[0].near_m:.0f} m behind us"]
+
+
+def _propose_on_the_way(span: Span, road: RoadMap) -> list[CandidateSet]:
+    """Return candidates in our lane as far as the map shows it, on the way through what reaches beyond the map."""
+    end_m = road.ego_lane.end_m
+    ahead = DistanceRange(max(span.near_m, end_m - _ON_M), end_m, end_m)
+    return ego_lane.propose_in_lane(road, ahead, "in our lane, where the map ends")
 
 
 def _propose_along(query: Query, span: Span, past: bool, kind: str, road: RoadMap) -> list[CandidateSet]:
@@ -82,7 +139,7 @@ def _propose_along(query: Query, span: Span, past: bool, kind: str, road: RoadMa
     gap_m = named if named is not None else _PARKED_GAP_M if parks else _GAP_M
     front_m, side = road.ego.length_m / 2, query.goal_side or "right"
     if past:
-        preferred = span.far_m + front_m + gap_m
+        preferred = _past_crossings_m(span.far_m, gap_m, road) + front_m + gap_m
         ahead = DistanceRange(preferred - 0.5, preferred, preferred + _ON_M)
     else:
         preferred = max(span.near_m - front_m - gap_m, 0.0)
@@ -90,6 +147,14 @@ def _propose_along(query: Query, span: Span, past: bool, kind: str, road: RoadMa
     words = f"{'past' if past else 'short of'} the {kind}"
     found = ego_lane.propose_at_edge(road, side, ahead) if parks else ego_lane.propose_in_lane(road, ahead, words)
     return [replace(each, words=words) for each in found]
+
+
+def _past_crossings_m(far_m: float, gap_m: float, road: RoadMap) -> float:
+    """Return where along our lane a landmark that ends at a distance is past, with a crossing right behind it."""
+    for span in road.landmarks.spans("crossing", road.ego_lane):
+        if span.far_m > far_m and span.near_m < far_m + gap_m + road.ego.length_m:
+            far_m = span.far_m
+    return far_m
 
 
 def _propose_in_car_park(query: Query, road: RoadMap) -> tuple[list[CandidateSet] | None, list[str]]:

@@ -15,10 +15,12 @@ from grounding.road.road_map import RoadMap
 _IN_LANE_M, _LATERAL_M = 1.6, 0.6
 # Tolerance of the next lane's offset; distance of a lane change and standard deviation of its cost.
 _LANE_SLACK_M, CHANGE_M, _CHANGE_SPREAD_M = 1.2, DistanceRange(8.0, 15.0, 25.0), 6.0
+# Least share of road in a lane.
+_LANE_SHARE = 0.9
 # Cost of candidates beyond an obstacle in the lane.
 _BEYOND = 3.0
-# Gap to the road edge: preferred, standard deviation of its cost, and greatest.
-_EDGE_M, _EDGE_SPREAD_M, _MAX_EDGE_M = 0.3, 0.5, 1.5
+# Gap to the road edge: preferred, standard deviation of its cost, and how much greater it may be.
+_EDGE_M, _EDGE_SPREAD_M, _MAX_EDGE_M = 0.3, 0.5, 1.2
 # Cost of a junction, where the confidence of the road axis is below the second value.
 _JUNCTION, _CONFIDENT = 4.0, 0.75
 # Costs of the edge of a crossing road, and of another road beyond the end of the ego lane.
@@ -37,6 +39,14 @@ def propose_next_lane(road: RoadMap, side: str | None) -> list[CandidateSet]:
         _along_lane(road, sign * LANE_M, _LANE_SLACK_M, CHANGE_M, _CHANGE_SPREAD_M, f"one lane to the {name}")
         for name, sign in sides
     ]
+
+
+def has_kerb_lane(road: RoadMap) -> bool:
+    """Return whether there is a lane between ours and the kerb on our side."""
+    offset_m = -road.traffic_side * LANE_M
+    there = (road.along_m >= CHANGE_M.least_m) & (road.along_m <= CHANGE_M.most_m)
+    there &= np.abs(road.lateral_m - offset_m) <= road.ego.width_m / 2
+    return bool(there.any() and road.drivable[there].mean() > _LANE_SHARE)
 
 
 def _along_lane(
@@ -68,8 +78,8 @@ def propose_on_any_road(road: RoadMap, ahead: DistanceRange, words: str) -> list
     return [CandidateSet(words, cells, cost + _OTHER_ROAD, heading)]
 
 
-def propose_at_edge(road: RoadMap, side: str, ahead: DistanceRange) -> list[CandidateSet]:
-    """Propose candidates at the road edge on one side, some distance ahead."""
+def propose_at_edge(road: RoadMap, side: str, ahead: DistanceRange, gap_m: float = _EDGE_M) -> list[CandidateSet]:
+    """Propose candidates at the road edge on one side, some distance ahead and best at a gap to the edge."""
     sign = 1.0 if side == "left" else -1.0
     along, lateral = road.along_m, road.lateral_m
     last_m = min(ahead.most_m, road.ego_lane.end_m)
@@ -78,14 +88,15 @@ def propose_at_edge(road: RoadMap, side: str, ahead: DistanceRange) -> list[Cand
     cells = np.argwhere(region)
     lane_rad = road.ego_lane.heading_rad(along[region])
     heading = road.blend_headings(cells, lane_rad, weight=0.05)
-    to_edge_m = road.edge_distance_m(cells, heading + sign * np.pi / 2, max_distance_m=3.0)
+    to_edge_m = road.edge_distance_m(cells, heading + sign * np.pi / 2, max_distance_m=3.0 + gap_m)
     side_m = to_edge_m - road.ego.width_m / 2
     off_m = along[region] - ahead.preferred_m
-    cost = np.minimum(((side_m - _EDGE_M) / _EDGE_SPREAD_M) ** 2, 16.0)
+    cost = np.minimum(((side_m - gap_m) / _EDGE_SPREAD_M) ** 2, 16.0)
     cost += np.where(off_m < 0, off_m / 3.0, off_m / 12.0) ** 2
     cost += junction_cost(road, cells) + _CROSSING_ROAD * np.sin(heading - lane_rad) ** 2
     words = f"at the {side} edge of the road"
-    return [CandidateSet(words, cells, cost, heading, along[region], "ahead").subset(side_m < _MAX_EDGE_M)]
+    found = CandidateSet(words, cells, cost, heading, along[region], "ahead")
+    return [found.subset(side_m - gap_m < _MAX_EDGE_M)]
 
 
 def propose_back(road: RoadMap, distance_m: float) -> list[CandidateSet]:

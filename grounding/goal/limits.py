@@ -63,7 +63,7 @@ class PlaceLimits:
         turns_round = query.direction == "around"
         referent, backs = query.referent, query.manoeuvre == "back"
         asks_back = turns_round or backs or (referent is not None and "behind_ego" in referent.qualifiers)
-        named = {"junction" if part.noun == "corner" else LANDMARK_KINDS.get(part.noun) for part in query.secondary}
+        named = {LANDMARK_KINDS.get(part.noun) for part in query.secondary}
         # Who names a vehicle at a junction asks for a place there.
         names_junction = query.referent is not None and bool(named & {"junction", "crossing", "traffic light"})
         return cls(

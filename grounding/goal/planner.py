@@ -12,6 +12,7 @@ from appocc.checks import BoolArray, FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import footprints, wrap_angle
 from appocc.motion_state import DRIVING_MPS, MOVING_MPS
+from grounding.goal.at_landmark import keep_clear
 from grounding.goal.candidates import CandidateSet, GoalCandidate
 from grounding.goal.limits import (
     AGAINST_TRAFFIC,
@@ -25,6 +26,7 @@ from grounding.goal.limits import (
 )
 from grounding.goal.proposals import explain_refusal, propose_candidates, propose_relation
 from grounding.goal.search import CandidateSearch
+from grounding.goal.traffic import TOWARDS, comes_towards_us, drives_away, how_it_moves, is_caught_up_with
 from grounding.query import Query
 from grounding.referent.scene import SceneModel
 from grounding.road.car_paths import CarRoute
@@ -41,8 +43,6 @@ _IN_LANE_M = 1.5
 _RUNNERS_UP = 3
 # A parked ego farther than this from the edge of the road stands in the way of others.
 _AT_EDGE_M = 1.6
-# Least cosine between the heading of a vehicle and our direction of travel if it goes our way.
-_SAME_WAY = 0.7
 # A way that turns by more is a turn in the road; reversing less than this is not worth a word.
 _TURN_ROUND_RAD, _LITTLE_M = np.radians(150), 0.5
 # Where only one limit stands against the best place, that is asked.
@@ -60,8 +60,6 @@ _PACE_REASONS = {
     "faster": "that asks for more speed and for no place",
     "standing": "that asks to stand where we are, and for no place",
 }
-# Relations of a place on the way to a vehicle.
-_TOWARDS = ("none", "toward", "near", "at")
 _MIN_SCORE = 1e-6
 # No answer below this score.
 _MIN_SCORE_OK = 0.1
@@ -203,19 +201,19 @@ def plan_place(
     limits = PlaceLimits.of(query, road.traffic_side)
     if (
         item is not None
-        and (query.action == "overtake" or query.relation in _BESIDE or _drives_away(query, item))
-        and _comes_towards_us(item, road)
+        and (query.action == "overtake" or query.relation in _BESIDE or drives_away(query, item))
+        and comes_towards_us(item, road)
     ):
         cannot = "there is nothing to overtake" if query.action == "overtake" else "no place beside it stays"
         reason = f"it comes towards us at {item.speed_mps:.0f} m/s: {cannot}"
         return GoalPlan(None, (reason,), question=_LET_PASS, instead="give_way", refused=True)
-    if item is not None and _drives_away(query, item):
-        moves = "moves" if item.speed_mps is None else f"drives at {item.speed_mps:.0f} m/s"
-        if query.action == "stop" and query.relation in ("none", "behind") and _drives_before_us(item, road):
-            following = replace(query, action="follow", relation="none")
-            plan = plan_place(following, scene, road, item, forbidden=forbidden)
-            return replace(plan, reasons=(f"it {moves}: we follow it until it stands", *plan.reasons))
-        reason = f"it {moves}, so that no place beside it stays"
+    if item is not None and is_caught_up_with(query, item, road):
+        following = replace(query, action="follow", relation="none")
+        plan = plan_place(following, scene, road, item, forbidden=forbidden)
+        until = " until it stands" if query.action == "stop" else ""
+        return replace(plan, reasons=(f"it {how_it_moves(item)}: we follow it{until}", *plan.reasons))
+    if item is not None and drives_away(query, item):
+        reason = f"it {how_it_moves(item)}, so that no place beside it stays"
         followed = plan_place(replace(query, action="follow", relation="none"), scene, road, item, start=start)
         if followed.target is None:
             return GoalPlan(None, (reason, *followed.reasons))
@@ -228,16 +226,20 @@ def plan_place(
             plain = replace(query, landmark=None, relation="none", secondary=())
             return GoalPlan(None, tuple(reasons), nearest=plan_place(plain, scene, road, start=start).target)
         return GoalPlan(None, tuple(reasons))
-    if item is not None and limits.our_side and _is_on_other_side(item, road):
+    if item is not None and item.class_name != "person" and limits.our_side and _is_on_other_side(item, road):
         # Who names a vehicle that stands there asks for a place there: with the traffic if we can turn.
         # Before one that drives there we stay on our side, unless we are to go where it goes.
         drives = (item.speed_mps or 0.0) > DRIVING_MPS
         if not drives:
             proposed = [turned for each in proposed for turned in _with_traffic(each, road)]
-        limits = replace(limits, our_side=drives and query.action == "approach" and query.relation in _TOWARDS)
+        limits = replace(limits, our_side=drives and query.action == "approach" and query.relation in TOWARDS)
+    if item is not None and item.class_name == "person" and limits.our_side:
+        proposed = [_in_our_lanes(each, road) for each in proposed]
     candidate_sets = [_with_costs(each, query, limits, road) for each in proposed]
     references = [one for one in (item, partner) if one]
-    excluded = _excluded_cells(forbidden, road)
+    kept_clear = keep_clear(query, road)
+    excluded = _excluded_cells(forbidden, road, [cells for _, cells in kept_clear])
+    reasons = [*reasons, *(words for words, _ in kept_clear)]
     search = CandidateSearch(candidate_sets, scene, road, references, excluded, limits)
     best, way = search.find_reachable(1 + _RUNNERS_UP)
     if not best and (later := road.after_traffic(references)) is not None:
@@ -245,39 +247,21 @@ def plan_place(
         best, way = again.find_reachable(1 + _RUNNERS_UP)
         if best:
             search = again
-            reasons = [*reasons, "the way is free once those ahead of us have driven on"]
+            reasons = [*reasons, "the way and the place are free once those ahead of us have driven on"]
     if not best or way is None:
         return _plan_without_target(search, item, reasons)
     target, *others = (to_target(candidate, scene, road) for candidate in best)
     reasons = [*reasons, *_explain_target(search, best[0], way), *_explain_second_row(query, best[0], road)]
     if target.score < _MIN_SCORE_OK:
-        fits = f"its score is {target.score:.2f}, {_MIN_SCORE_OK} is needed"
-        reasons.append(f"the best free place fits the command badly: {fits}")
+        reasons.append("the best free place fits the command badly: it is too far away, or too awkward to reach")
         return GoalPlan(None, tuple(reasons), nearest=target, search=search)
     return GoalPlan(target, tuple(reasons), way, tuple(others), None, search)
 
 
-def _drives_away(query: Query, item: SceneObject) -> bool:
-    """Return whether a place to stand is asked for beside a vehicle that drives on."""
-    stands = query.action in ("park", "pull_over", "stop") and query.relation != "same_as"
-    # Who parks stays longer than one that creeps in a queue.
-    most_mps = MOVING_MPS if query.action in PARKING_ACTIONS else DRIVING_MPS
-    said = item.speed_mps is None and query.referent is not None and "moving" in query.referent.qualifiers
-    return stands and query.trigger is None and (said or (item.speed_mps or 0.0) > most_mps)
-
-
-def _drives_before_us(item: SceneObject, road: RoadMap) -> bool:
-    """Return whether a vehicle drives ahead of us in our direction, in our lane or the next."""
-    along, lateral = (float(each) for each in road.ego_lane.project(item.centre_m))
-    ours = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) > _SAME_WAY
-    return bool(item.front_known and ours and along > 0 and abs(lateral) < 1.5 * LANE_M)
-
-
-def _comes_towards_us(item: SceneObject, road: RoadMap) -> bool:
-    """Return whether a vehicle ahead of us drives against our direction."""
-    along, _ = (float(each) for each in road.ego_lane.project(item.centre_m))
-    against = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) < -_SAME_WAY
-    return bool(item.front_known and against and along > 0 and (item.speed_mps or 0.0) > DRIVING_MPS)
+def _in_our_lanes(candidates: CandidateSet, road: RoadMap) -> CandidateSet:
+    """Return the candidates that do not reach from our lane towards oncoming traffic: a junction has no sides."""
+    towards_m = road.traffic_side * road.lateral_m[tuple(candidates.cells.T)]
+    return candidates.subset(towards_m <= (LANE_M - road.ego.width_m) / 2)
 
 
 def _with_traffic(candidates: CandidateSet, road: RoadMap) -> list[CandidateSet]:
@@ -305,11 +289,15 @@ def _with_costs(candidates: CandidateSet, query: Query, limits: PlaceLimits, roa
     return replace(found, cost=found.cost + standing + reversing)
 
 
-def _excluded_cells(forbidden: Sequence[tuple[str, SceneObject]], road: RoadMap) -> BoolArray | None:
-    """Return the cells (X, Y) in forbidden relations, None without any."""
-    if not forbidden:
+def _excluded_cells(
+    forbidden: Sequence[tuple[str, SceneObject]], road: RoadMap, kept_clear: Sequence[BoolArray]
+) -> BoolArray | None:
+    """Return the cells (X, Y) in forbidden relations, and others to keep clear; None without any."""
+    if not (forbidden or kept_clear):
         return None
     excluded = np.zeros(road.grid.shape, np.bool_)
+    for cells in kept_clear:
+        excluded |= cells
     for relation, item in forbidden:
         for candidates in propose_relation(relation, Query("", "stop"), road, item)[0]:
             excluded[tuple(candidates.cells.T)] = True

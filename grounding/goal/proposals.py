@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from grounding.goal import ego_lane
 from grounding.goal.at_landmark import landmark_of, propose_at_landmark
-from grounding.goal.beside_vehicle import PARKING, Proposal, propose_beside, propose_in_line, propose_near
+from grounding.goal.beside_vehicle import PARKING, SECOND, Proposal, propose_beside, propose_in_line, propose_near
 from grounding.goal.candidates import CandidateSet, DistanceRange
 from grounding.goal.lane_relative import propose_between, propose_on_our_way, propose_opposite
 from grounding.goal.reference_frames import ReferenceVehicle
-from grounding.goal.turns import propose_side_road
+from grounding.goal.turns import explain_passed, propose_side_road
 from grounding.query import Query
 from grounding.referent.class_fit import PERSON_NOUNS
 from grounding.road.road_map import RoadMap
@@ -39,6 +40,8 @@ _SHORT_OF_M = 5.0
 _TURN_M, _TURN_BEYOND_M = 3.0, 14.0
 # A vehicle whose side is this close to the centreline is in our way.
 _IN_OUR_WAY_M = 1.5
+# Tolerance along a person for candidates level with them.
+_ABREAST_M = 2.0
 # Least lateral offset of candidates on one side of the ego lane.
 _MIN_SIDE_M = 0.2
 
@@ -80,8 +83,9 @@ def propose_candidates(
         found = [_keep_behind(each, road) for each in found]
         if not any(len(each.cells) for each in found):
             return None, ["driving backwards does not lead there: it is not behind us"]
-    if query.distance_m is not None and query.distance_of == "ego":
-        reasons.append(f"the {query.distance_m:.0f} m to go are not held: the vehicle says where")
+    if query.distance_m is not None and query.distance_of in ("ego", "kerb"):
+        what = "to the kerb" if query.distance_of == "kerb" else "to go"
+        reasons.append(f"the {query.distance_m:.3g} m {what} are not held: the vehicle says where")
     return found, reasons
 
 
@@ -103,7 +107,7 @@ def propose_relation(relation: str, query: Query, road: RoadMap, item: SceneObje
     if item.class_name == "person":
         short, beyond, *level = propose_near("near", query, item, road)[0]
         parts = {"behind": [short], "before": [short], "past": [beyond]}
-        return parts.get(relation, [*level, short, beyond]), []
+        return parts.get(relation, [*level, *_propose_abreast(query, item, road), short, beyond]), []
     if relation in ("behind", "in_front_of", "same_as"):
         return propose_in_line("behind" if relation == "same_as" else relation, query, item, road)
     if relation in ("next_to", "left_of", "right_of"):
@@ -113,6 +117,19 @@ def propose_relation(relation: str, query: Query, road: RoadMap, item: SceneObje
     if relation == "opposite":
         return propose_opposite(query, item, road)
     return propose_near(relation if relation in ("toward", "at") else "near", query, item, road)
+
+
+def _propose_abreast(query: Query, item: SceneObject, road: RoadMap) -> list[CandidateSet]:
+    """Return candidates level with a person who may be across the road: at our edge to park, else in our lane."""
+    reference = ReferenceVehicle(item, road, 0.0)
+    along_m, _ = reference.lane_position
+    if not reference.beside_ego_lane:
+        return []
+    level = DistanceRange(along_m - _ABREAST_M, along_m, along_m + _ABREAST_M)
+    side = query.goal_side or ("right" if road.traffic_side > 0 else "left")
+    parks, words = query.action in PARKING, "level with it, on our side of the road"
+    found = ego_lane.propose_at_edge(road, side, level) if parks else ego_lane.propose_in_lane(road, level, words)
+    return [replace(each, words=words, cost=each.cost + SECOND) for each in found]
 
 
 def _propose_with(query: Query, road: RoadMap, item: SceneObject, partner: SceneObject | None) -> OptionalProposal:
@@ -162,19 +179,27 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
     if query.manoeuvre == "creep":
         return ego_lane.propose_in_lane(road, _distance_ahead(query, _CREEP_M), "in our lane"), []
     turn = query.direction in ("left", "right") and (action in ("turn", "other") or "turn" in query.actions)
+    if turn and query.direction and any("behind_ego" in part.qualifiers for part in query.secondary):
+        return None, explain_passed(road, query.direction) or [f"no road to the {query.direction} is known behind us"]
     if turn and query.direction and action not in ("change_lane", "follow", "overtake"):
         return propose_side_road(road, query.direction, count=query.count or 1)
     if query.direction == "around":
         return ego_lane.propose_turned_around(road, _TURN_M), []
+    lanes = [word for part in query.secondary if part.noun == "lane" for word in part.qualifiers]
+    if action == "other" and {*lanes} & {"left_lane", "right_lane"} and not query.direction:
+        return ego_lane.propose_in_lane(road, _ON_M, "in our lane"), ["the lane to stay in is taken to be ours"]
+    at_kerb = "right_lane" if road.traffic_side > 0 else "left_lane"
+    if action == "change_lane" and at_kerb in lanes and not ego_lane.has_kerb_lane(road):
+        return ego_lane.propose_in_lane(road, _ON_M, "in our lane"), ["that lane is ours: we keep it"]
     if action == "change_lane":
         asked = query.direction or side
-        counted = any(part.noun == "lane" and "middle_lane" in part.qualifiers for part in query.secondary)
-        unknown = "the map counts no lanes" if counted else "no side is named"
+        unknown = "the map counts no lanes" if "middle_lane" in lanes else "no side is named"
         reasons = [] if asked else [f"{unknown}: either lane will do"]
         return ego_lane.propose_next_lane(road, asked), [*reasons, *_note_lane_end(road, ego_lane.CHANGE_M.least_m)]
-    if action in PARKING or (action == "stop" and side):
+    if action in PARKING or (action == "stop" and side) or (action == "other" and query.road_side == "opposite"):
         ahead = _distance_ahead(query, _EDGE_M)
-        found = ego_lane.propose_at_edge(road, side or "right", ahead)
+        kerb = {"gap_m": query.distance_m} if query.distance_of == "kerb" and query.distance_m is not None else {}
+        found = ego_lane.propose_at_edge(road, side or "right", ahead, **kerb)
         return [*found, *_propose_beyond_lane_end(road, ahead)], _note_lane_end(road, ahead.preferred_m)
     ranges = {"stop": _STOP_M, "slow_down": _SLOW_M, "avoid": _SLOW_M}
     goes_on = query.direction == "straight" or query.manoeuvre == "onward" or query.distance_m is not None
@@ -195,7 +220,7 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
 
 def _distance_ahead(query: Query, default: DistanceRange) -> DistanceRange:
     """Return the distance ahead that the command gives, or the default."""
-    if query.distance_m is None or query.distance_of == "descriptor":
+    if query.distance_m is None or query.distance_of in ("descriptor", "kerb"):
         return default
     off = 1 + query.distance_m / 10
     return DistanceRange(query.distance_m - off, query.distance_m, query.distance_m + off)

@@ -22,6 +22,8 @@ _MIN_CELLS, _MIN_LATERAL_M, _INTO_M = 40, 2.5, 8.0
 _MAX_BACK_M = 2.0
 # A lane that turns by this angle within this distance leads into another road.
 _CORNER_RAD, _CORNER_M = np.radians(45), 14.0
+# A road that we have passed is this near.
+_PASSED_M = 30.0
 # The confidence of the road axis is above this on a side road, and below it in the junction.
 _CONFIDENT = 0.5
 
@@ -61,7 +63,8 @@ def propose_side_road(
     label, _ = ndimage.label(mask, np.ones((3, 3)))
     side_roads = _find_side_roads(road, label[i, j].astype(np.int64), all_along)
     if not side_roads:
-        return [], [f"the map shows no road that branches off to the {side}"]
+        behind = explain_passed(road, side)
+        return [], [f"the map shows no road that branches off to the {side}", *behind]
     if reference_m is None and count > len(side_roads):
         known = "one road" if len(side_roads) == 1 else f"{len(side_roads)} roads"
         return [], [f"the map shows only {known} that branch{'es' if len(side_roads) == 1 else ''} off to the {side}"]
@@ -76,6 +79,21 @@ def propose_side_road(
     cost += junction_cost(road, cells)
     reasons = [f"the road to the {side} branches off {chosen.along_m:.0f} m ahead"]
     return [CandidateSet(f"on the road to the {side}", cells, cost, heading)], reasons
+
+
+def explain_passed(road: RoadMap, side: str) -> list[str]:
+    """Return that there is a road to one side that we have passed, and how far behind us it is; empty without one."""
+    sign = 1.0 if side == "left" else -1.0
+    crosses = np.abs(np.sin(road.tracer.axis_rad - road.start.heading_rad)) > np.sin(_TURNED_RAD[0])
+    offset = road.grid.centres() - road.start.xy_m
+    ahead_m = offset @ road.start.ahead
+    left_m = offset @ np.array([-road.start.ahead[1], road.start.ahead[0]])
+    passed = road.drivable & crosses & (road.axis_confidence > _CONFIDENT)
+    passed &= (ahead_m < 0) & (ahead_m > -_PASSED_M) & (sign * left_m > _MIN_LATERAL_M) & (np.abs(left_m) < _PASSED_M)
+    if passed.sum() < _MIN_CELLS:
+        return []
+    away_m = float(np.median(-ahead_m[passed]))
+    return [f"the road to the {side} that we have passed is {away_m:.0f} m behind us: for it we have to turn round"]
 
 
 def _find_side_roads(road: RoadMap, label: IntArray, all_along_m: FloatArray) -> list[_SideRoad]:

@@ -20,6 +20,17 @@ _SURE = 0.5
 # The same where the grammar finds no command (a mere statement asks for nothing), and where an unknown word may be
 # the verb or the vehicle, or a negation may be read as its opposite.
 _SURE_ALONE, _SURE_GUESSED = 0.75, 0.8
+# Actions after which the ego stands.
+_STANDING = ("stop", "park", "pull_over", "wait")
+# Sides of the road that are named by its traffic, in words.
+_ROAD_SIDES = {"kerb": "on our side of the road", "opposite": "on the other side of the road"}
+# Sides of words, as slots of a query.
+_SIDES: dict[str, dict[str, Any]] = {
+    "left_side": {"goal_side": "left"},
+    "right_side": {"goal_side": "right"},
+    "own_side": {"road_side": "kerb"},
+    "opposite_side": {"road_side": "opposite"},
+}
 _FORETELLING = [WordCategory.PRONOUN, WordCategory.AUX]
 _MARKS = (WordCategory.COMMA, WordCategory.BREAK)
 
@@ -90,6 +101,9 @@ def _asked(reading: Reading, evidence: Evidence, revision: Revision, needed: flo
     unless they may be negated.
     """
     query = reading.query
+    guessed = query.action == "other" or any(field == "action" for field, _, _ in revision.changed)
+    if query.road_side == "opposite" and guessed:
+        return replace(reading, doubt=_question(query))  # "go to the other side": to stop there?
     if query.action == "other" and query.referent is None:
         return replace(reading, doubt="")  # "put the hazards on" is answered, not asked about
     if revision.sure >= needed:
@@ -112,16 +126,26 @@ def _rejected(reading: Reading, revision: Revision) -> Reading:
 
 
 def _accepted(reading: Reading, revision: Revision) -> Reading:
-    """Return the network's reading of a sentence that the grammar takes for no command."""
+    """Return the network's reading of a sentence that the grammar takes for no command; its words name the side."""
+    query = _on_named_side(revision.query, reading.tokens)
     return Reading(
-        revision.query,
+        query,
         tokens=reading.tokens,
-        notes=(*reading.notes, f"read as '{_phrase(revision.query)}'"),
-        doubt=_question(revision.query),
+        notes=(*reading.notes, f"read as '{_phrase(query)}'"),
+        doubt=_question(query),
         doubts_strange=True,
         corrections=reading.corrections,
         revised=revision.changed,
     )
+
+
+def _on_named_side(query: Query, tokens: Sequence[Token]) -> Query:
+    """Return a query to stand somewhere with the side of the road that the words name, unread by the network."""
+    sides = [_SIDES[one.value] for one in tokens if one.category is WordCategory.SIDE and one.value in _SIDES]
+    if query.action not in _STANDING or query.referent is not None or len(sides) != 1:
+        return query
+    across = query.relation == "opposite" and query.landmark is None
+    return replace(query, **sides[0], direction=None, relation="none" if across else query.relation)
 
 
 def _changed(reading: Reading, changes: dict[str, Any], revision: Revision) -> Reading:
@@ -159,9 +183,13 @@ def _question(query: Query) -> str:
 
 def _phrase(query: Query) -> str:
     """Return a query in short words: "park behind the red van"."""
-    if query.action == "other":
+    if query.action == "other" and query.road_side is None:
         return "carry on as before"
     action = (query.action or "").replace("_", " ")
     relation = "" if query.relation == "none" else query.relation.replace("_", " ")
     vehicle = f"the {query.referent.phrase()}" if query.referent else ""
-    return " ".join(word for word in (action, query.direction or "", relation, vehicle) if word)
+    action = "stop" if query.action == "other" else action
+    part = query.secondary[0].noun.replace("_", " ") if query.landmark == "secondary" and query.secondary else ""
+    thing = f"the {part}" if part else ""
+    side = f"on the {query.goal_side}" if query.goal_side else _ROAD_SIDES.get(query.road_side or "", "")
+    return " ".join(word for word in (action, query.direction or "", relation, vehicle, thing, side) if word)

@@ -172,8 +172,8 @@ def _fit_landmark(part: Landmark, scene: SceneModel) -> dict[str, FloatArray]:
 
 
 def _is_on_map(part: Landmark | Exclusion, scene: SceneModel) -> bool:
-    """Return whether a part describes the referent by a landmark that the vector map holds."""
-    described = isinstance(part, Landmark) and part.of == "referent"
+    """Return whether a part describes the referent, or rules out places, by a landmark that the vector map holds."""
+    described = isinstance(part, Exclusion) or part.of == "referent"
     return described and scene.landmarks.knows(LANDMARK_KINDS.get(part.noun, ""))
 
 

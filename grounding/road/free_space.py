@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -59,6 +59,12 @@ class FreeSpace:
         border = _reach(bev.grid.cell_m, ego, margin_m)
         padded = np.pad(flags.astype(np.uint8), border, constant_values=OFF_MAP)
         return cls(bev.grid, ego, padded, tuple(objects), margin_m)
+
+    def without(self, some: Sequence[SceneObject], under: BoolArray) -> FreeSpace:
+        """Return the free space without some vehicles, which take the cells `under` (X, Y)."""
+        border = _reach(self.grid.cell_m, self.ego, self.margin_m)
+        padded = self.padded_flags & np.where(np.pad(under, border), 255 - TAKEN, 255).astype(np.uint8)
+        return replace(self, padded_flags=padded, objects=tuple(one for one in self.objects if one not in some))
 
     @property
     def cell_flags(self) -> np.ndarray[tuple[int, int], np.dtype[np.uint8]]:

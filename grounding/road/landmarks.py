@@ -14,7 +14,7 @@ from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
 from appocc.nuscenes.maps import VectorMap
 from appocc.rasterise import polygon_cover
-from grounding.road.lane_model import Centreline
+from grounding.road.lane_model import POINT_M, Centreline
 
 # Landmarks this far away are taken from a vector map.
 _REACH_M = 80.0
@@ -27,6 +27,11 @@ class Span(NamedTuple):
 
     near_m: float
     far_m: float
+
+    @property
+    def middle_m(self) -> float:
+        """Along-track distance of its middle."""
+        return (self.near_m + self.far_m) / 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,13 +67,19 @@ class Landmarks:
             found |= polygon_cover(grid, outline) >= 0.5
         return found
 
+    def distance_field_m(self, grid: BEVGrid, kind: str) -> FloatArray:
+        """Return the distance (X, Y) of cells to the nearest landmark of a kind on the map; 0 in it."""
+        apart = ~self.cells(grid, kind)
+        if apart.all():
+            return np.full(grid.shape, np.inf)
+        far = cv2.distanceTransform(apart.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        return far.astype(np.float64) * grid.cell_m
+
     def distances_m(self, kind: str, points_m: FloatArray) -> FloatArray:
         """Return the distance (N,) of points (N, 2), ego frame, to the nearest landmark of a kind; 0 inside it."""
         found = np.full(len(points_m), np.inf)
         for outline in self.outlines.get(kind, ()):
-            border = outline.astype(np.float32)[:, None]
-            inward = [cv2.pointPolygonTest(border, (float(x), float(y)), True) for x, y in points_m]
-            found = np.minimum(found, np.maximum(np.negative(inward), 0.0))
+            found = np.minimum(found, _distance_m(outline, points_m))
         return found
 
     def spans(self, kind: str, lane: Centreline) -> list[Span]:
@@ -77,8 +88,10 @@ class Landmarks:
         for outline in self.outlines.get(kind, ()):
             along, lateral = lane.project(_sample(outline))
             here = (np.abs(lateral) < _IN_LANE_M) & (along > lane.start_m) & (along < lane.end_m + _IN_LANE_M)
-            if here.any():
-                found.append(Span(float(along[here].min()), float(along[here].max())))
+            # One in which the lane begins or ends reaches as far as the lane is known.
+            inside = lane.start_m + POINT_M * np.flatnonzero(_distance_m(outline, lane.points_m) == 0)
+            if len(both := np.concatenate([along[here], inside])):
+                found.append(Span(float(both.min()), float(both.max())))
         merged: list[Span] = []
         for span in sorted(found):
             if merged and span.near_m <= merged[-1].far_m:
@@ -90,6 +103,13 @@ class Landmarks:
 
 
 NO_LANDMARKS = Landmarks()
+
+
+def _distance_m(outline_m: FloatArray, points_m: FloatArray) -> FloatArray:
+    """Return the distance (N,) of points (N, 2) to an outline (K, 2); 0 inside it."""
+    border = outline_m.astype(np.float32)[:, None]
+    inward = [cv2.pointPolygonTest(border, (float(x), float(y)), True) for x, y in points_m]
+    return np.maximum(np.negative(inward), 0.0)
 
 
 def _sample(outline_m: FloatArray) -> FloatArray:

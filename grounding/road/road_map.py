@@ -168,23 +168,30 @@ class RoadMap:
         return self._cars.setdefault(most_back_m, paths)
 
     def after_traffic(self, kept: Sequence[SceneObject] = ()) -> RoadMap | None:
-        """Return the road map whose ways are free of the vehicles ahead that drive the way we do; None without any.
+        """Return the road map without the vehicles ahead that drive the way we do; None without any.
 
-        They have driven on when we get there. What `kept` holds stays in the way; so do all at a goal.
+        They have driven on when we get there. What `kept` holds stays in the way.
         """
         leaving = [one for one in self.free_space.objects if one not in kept and self._drives_on(one)]
         if not leaving:
             return None
         under = ndimage.binary_dilation(cover_cells(self.grid, leaving), iterations=_EDGE_CELLS)
-        free = self.drivable & (((self.free_space.cell_flags & TAKEN) == 0) | under)
+        later = self.free_space.without(leaving, under)
+        free = self.drivable & ((later.cell_flags & TAKEN) == 0)
         clearance_m = _distance_m(self.grid, _cells_below(self.grid, self.start, self.ego) | free)
-        return replace(self, clearance_m=clearance_m)
+        return replace(self, clearance_m=clearance_m, free_space=later)
 
     def _drives_on(self, item: SceneObject) -> bool:
         """Return whether a vehicle ahead certainly drives the way we do."""
         ahead = float((item.centre_m - self.start.xy_m) @ self.start.ahead) > 0
         same_way = np.cos(item.yaw_rad - self.start.heading_rad) > _PARALLEL
         return bool(ahead and same_way and item.front_known and (item.speed_mps or 0.0) > DRIVING_MPS)
+
+    @cached_property
+    def line_behind(self) -> Centreline:
+        """The line straight back from the ego; along-track distance counts backwards."""
+        back = np.arange(0.0, self.grid.shape[0] * self.grid.cell_m)[:, None]
+        return Centreline(self.start.xy_m - back * self.start.ahead, 0.0)
 
     @cached_property
     def junctions(self) -> BoolArray:

@@ -35,6 +35,8 @@ _MOST_ODDS = 6.0
 _LEAST_ACTION, _LEAST_OTHER = 0.05, 0.1
 # Probability of the grammar's main action above which it remains the main one.
 _COMMANDED = 0.5
+# Relations of a place on our way, for which a landmark that the grammar finds counts more than a person.
+_ON_OUR_WAY = ("before", "past")
 # Most words of a sentence whose vehicle without a class ("the white one") is found in the scene.
 _SHORT = 6
 
@@ -181,7 +183,20 @@ def _by_network(query: Query, evidence: Evidence, prediction: Prediction) -> Que
     nameless = query.unresolved and not (prediction.head or evidence.dropped or evidence.unknown)
     if by_scene or nameless:
         values["noun"] = NONE
-    return _with_values(query, values, prediction)
+    return _with_values(query, _in_words_of(query, values), prediction)
+
+
+def _in_words_of(query: Query, values: dict[str, str]) -> dict[str, str]:
+    """Return the values of the network, those that say the same as the grammar's in other words as the grammar's."""
+    same: dict[str, str] = {}
+    if values["action"] == query.action == "follow" and values["relation"] == "toward":
+        same["relation"] = query.relation  # "catch up with it": the place of a follower is behind it
+    if values["relation"] == query.road_side == "opposite" and values["noun"] == NONE:
+        same["relation"] = query.relation  # "on the other side of the road": the grammar has it as a side
+    on_our_way = query.landmark == "secondary" and values["relation"] == query.relation and query.referent is None
+    if on_our_way and query.relation in _ON_OUR_WAY and values["noun"] == "person":
+        same |= {"noun": NONE, "colour": NONE}  # "someone's on the crossing, stop before it"
+    return values | same
 
 
 def _commanded(query: Query, prediction: Prediction) -> tuple[Action, ...]:

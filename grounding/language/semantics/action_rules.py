@@ -50,7 +50,7 @@ def _classify_lane_change(frame: CommandFrame) -> str | None:
     if frame.lane or frame.has_landmark(*_LANES):
         if frame.verb_class not in _LANE_CHANGING and not pulls_in:
             return None
-        side = (frame.lane or "").removesuffix("_lane")
+        side = (frame.lane or "").removeprefix("next_").removesuffix("_lane")
         if side in ("left", "right"):
             frame.direction = frame.direction or side
         return "change_lane"
@@ -275,6 +275,8 @@ def _classify_take(frame: CommandFrame) -> str | None:
         return "park"
     if word.startswith("pick") and thing is not None and thing.kind == "person":
         return "stop"
+    if frame.side == "opposite":
+        return "pull_over"  # "use the other side of the road"
     frame.direction, frame.side = frame.direction or frame.side, None
     entered = thing is not None and thing.noun in ENTERABLE and (thing.noun == "turn" or word not in ("make", "do"))
     return "turn" if frame.direction or entered else None

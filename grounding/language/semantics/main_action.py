@@ -58,11 +58,20 @@ def find_intents(discourse: Discourse) -> list[Intent]:
                 discourse.excluded = [(relation, one) for relation, one in excluded if one is not frame.target]
     _join_purposes(discourse)
     _join_gaps(discourse)
+    _join_clearances(discourse)
     classified = [(frame, classify_action(frame)) for frame in discourse.frames if not frame.negated]
     # Targets of other actions than driving are only mentioned: "fetch my bag from that van".
     idle = [frame.target for frame, action in classified if action is None]
     discourse.mentions = [(phrase, "stated" if phrase in idle else role) for phrase, role in discourse.mentions]
-    return [_intent(discourse, frame, action) for frame, action in classified if action]
+    intents = [_intent(discourse, frame, action) for frame, action in classified if action]
+    return [one for before, one in zip([None, *intents], intents, strict=False) if not _keeps_lane(before, one)]
+
+
+def _keeps_lane(before: Intent | None, intent: Intent) -> bool:
+    """Return whether an intent asks to stay in the lane that the one before it changes to: "and stay there"."""
+    changes = before is not None and before.action == "change_lane"
+    stays = intent.frame.verb.split()[0] in ("stay", "keep", "remain") and intent.target is None
+    return changes and stays and intent.action in ("wait", "other")
 
 
 def _join_gaps(discourse: Discourse) -> None:
@@ -80,15 +89,37 @@ def _join_gaps(discourse: Discourse) -> None:
             return
 
 
+def _join_clearances(discourse: Discourse) -> None:
+    """Move what is to be kept clear of to the stop that it is for, the kerb or a thing on the road."""
+    for frame in [one for one in discourse.frames if not one.negated and one.verb_class not in _FINAL_ACTIONS]:
+        stop = next((one for one in reversed(discourse.frames) if one.verb_class in _FINAL_ACTIONS), None)
+        if stop is None or stop.negated or frame.target is not None or not frame.distances:
+            continue
+        metres, kind = frame.distances[0]
+        things = [thing for _, thing in frame.landmarks if thing.kind == "thing"]
+        if kind == "kerb":  # "leave 1 m to the kerb when you stop"
+            stop.distances.append((metres, kind))
+            stop.side = stop.side or (None if stop.target is not None else "kerb")
+        elif things and classify_action(frame) == "avoid":  # "pull over, but keep 10 m away from the crossing"
+            things[0].distance_m = metres
+            discourse.excluded.append(("near", things[0]))
+        else:
+            continue
+        stop.is_temporal, stop.connective = False, ""
+        discourse.frames.remove(frame)
+
+
 def _join_purposes(discourse: Discourse) -> None:
-    """Move the place of a "take" frame to its purpose: "use the gap to change lanes"."""
+    """Move the place of a "take" frame to its purpose: "use the gap to change lanes", "find somewhere to pull in"."""
     for frame, purpose in zip(discourse.frames[:-1], discourse.frames[1:], strict=True):
-        takes_place = purpose.connective == "to" and frame.verb_class == "take" and frame.has_spot
+        somewhere = frame.target is None and frame.direct_object is None
+        takes_place = purpose.connective == "to" and frame.verb_class == "take" and (frame.has_spot or somewhere)
         action = classify_action(purpose) if takes_place else None
         if action is None or frame.negated:
             continue
-        if action != "park":
+        if action != "park" or somewhere:
             discourse.frames.remove(frame)
+            purpose.side = purpose.side or frame.side
         if purpose.target is None and not purpose.refers_to_place:
             purpose.target, purpose.relation = frame.target, frame.relation
             purpose.inverse_relation = frame.inverse_relation
@@ -125,7 +156,8 @@ def select_main_intent(discourse: Discourse, intents: Sequence[Intent]) -> MainI
         if intent.frame.direct_object is not None and intent.frame.direct_object.kind == "person":
             return MainIntent(intent, intent.frame.direct_object)  # "pick up the woman"
     last = _last(main or commands)
-    if last.action in _CAUTIOUS_ACTIONS and not last.frame.landmarks and (person := _stated_person(discourse)):
+    placed = last.frame.landmarks or (last.target is not None and last.target.kind == "thing")
+    if last.action in _CAUTIOUS_ACTIONS and not placed and (person := _stated_person(discourse)):
         return MainIntent(last, person)  # "slow down, there are children about"
     return MainIntent(_last(main or commands), None)
 

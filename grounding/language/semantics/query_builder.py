@@ -41,6 +41,8 @@ from grounding.vocabulary import ORDINALS, REFUSED, RELATIONS, Action, Manoeuvre
 
 # Relations without a place.
 _NOT_SPATIAL = ("with", "of", "for", "object")
+# Kinds of distances that need no action to tell what they are.
+_DISTANCES: dict[str, DistanceRole] = {"descriptor": "descriptor", "kerb": "kerb"}
 # Verbs that, alone, ask to drive on.
 _GOING = ("go", "drive", "move")
 # Endings of plurals -> of singulars, the first match counts.
@@ -118,13 +120,16 @@ def _query(
     side = next((intent.frame.side for intent in by_priority if intent.frame.side), None)
     by_traffic = side in get_args(RoadSide)
     trigger = next((intent.frame.event for intent in by_priority if intent.frame.event), None)
+    named = _referent(discourse, referent, frame, main.anaphora, relation) if referent is not None else None
+    if named is not None and referent is not None and referent.number == 0 and main.intent.action == "turn":
+        named = replace(named, definite=False)  # "the street where the cars are parked": at any of them
     query = Query(
         command=text,
         action=cast(Action, main.intent.action),
         actions=cast(tuple[Action, ...], tuple(_actions(commands))),
         relation=cast(Relation, relation),
         landmark=landmark,
-        referent=_referent(discourse, referent, frame, main.anaphora, relation) if referent is not None else None,
+        referent=named,
         secondary=secondary,
         direction=cast(Direction | None, _direction([*commands, *intents], main.intent)),
         goal_side=None if by_traffic else cast(Side | None, side),
@@ -237,15 +242,24 @@ def _landmarks(intents: Sequence[Intent], main: Intent, referent: NounPhrase | N
     """Yield the landmarks of all frames (those of the main intent first), of a person and of the referent."""
     others = (intent for intent in intents if intent is not main and intent.frame is not main.frame)
     for intent in (main, *others):
-        last = len(intent.frame.landmarks) - 1
+        last, meant = len(intent.frame.landmarks) - 1, _thing_meant(intent)
+        if meant is not None:
+            yield _landmark(meant, intent.frame.relation, "goal")
         for i, (written, thing) in enumerate(intent.frame.landmarks):
-            entered = written == "along" or (written == "object" and intent.action == "turn")
+            if meant is not None and thing.noun == meant.noun:
+                continue
+            crosses = intent.frame.direction == "straight" or intent.frame.manoeuvre == "onward"
+            entered = written == "along" or (written == "object" and (intent.action == "turn" or crosses))
             relation = "into" if entered else written
             if intent.frame.inverse_relation and i == last:
                 yield _landmark(thing, intent.frame.inverse_relation, "inverse")
             elif relation not in _NOT_SPATIAL and _is_landmark(thing) and not _is_manner(relation, thing):
                 yield _landmark(thing, relation, "goal")
-        if intent.frame.lane and (intent.action == "other" or intent.frame.lane == "middle_lane"):
+        turns = intent.frame.direction in ("left", "right") and referent is None
+        if turns and "behind_ego" in intent.frame.goal_qualifiers:
+            yield Landmark("road", "into", qualifiers=("behind_ego",))  # "turn left where we just came past"
+        named = intent.frame.lane in ("left_lane", "middle_lane", "right_lane") and intent.action == "change_lane"
+        if intent.frame.lane and (intent.action == "other" or named):
             where: LandmarkRelation = "into" if intent.action == "change_lane" else "in"
             yield Landmark("lane", where, qualifiers=(intent.frame.lane,))
     person = main.target
@@ -256,6 +270,13 @@ def _landmarks(intents: Sequence[Intent], main: Intent, referent: NounPhrase | N
     for relation, thing in referent.related if referent is not None else ():
         if thing is not referent and relation not in _NOT_SPATIAL and _is_landmark(thing):
             yield _landmark(thing, relation, "referent")
+
+
+def _thing_meant(intent: Intent) -> NounPhrase | None:
+    """Return the thing that the pronoun of a place stands for: "someone's on the crossing, stop before it"."""
+    target, frame = intent.target, intent.frame
+    named = target is not None and target.kind == "thing" and frame.relation in RELATIONS
+    return target if named and frame.target is not target else None
 
 
 def _is_landmark(thing: NounPhrase) -> bool:
@@ -305,7 +326,7 @@ def _distance(intents: Sequence[Intent]) -> tuple[float | None, DistanceRole | N
     for intent in intents:
         for metres, kind in intent.frame.distances:
             gap = kind == "gap" or (kind == "travel_or_gap" and intent.action in ("follow", "avoid"))
-            return metres, "descriptor" if kind == "descriptor" else "referent" if gap else "ego"
+            return metres, _DISTANCES.get(kind, "referent" if gap else "ego")
     return None, None
 
 
@@ -345,7 +366,8 @@ def _exclusions(discourse: Discourse) -> Iterator[Exclusion]:
         noun = _noun(found) if found.noun else target.noun if target is not None else ""
         if noun and phrase.kind != "part":
             qualifiers = tuple(phrase.qualifiers or found.qualifiers)
-            yield Exclusion(cast(LandmarkRelation | None, relation), noun, phrase.colour or found.colour, qualifiers)
+            colour = phrase.colour or found.colour
+            yield Exclusion(cast(LandmarkRelation | None, relation), noun, colour, qualifiers, phrase.distance_m)
 
 
 def _referent_exclusions(referent: NounPhrase | None) -> Iterator[Exclusion]:

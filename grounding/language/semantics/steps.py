@@ -58,7 +58,7 @@ def _step(discourse: Discourse, intent: Intent, main: MainIntent, query_of: Quer
 def _is_contained(step: Query, steps: Sequence[tuple[bool, Query]], at: int) -> bool:
     """Return whether a step adds nothing to the steps beside it."""
     later = [other for _, other in steps[at + 1 :]]
-    sides = step.direction or step.goal_side or step.road_side
+    sides = step.direction not in (None, "straight") or step.goal_side or step.road_side == "opposite"
     bare = step.referent is None and not (step.secondary or sides or step.distance_m)
     if step.action == "avoid":  # "pull over behind it, but stay well back"
         return any(step.referent is None or _same_vehicle(step, other) for _, other in steps[:at])
@@ -66,7 +66,10 @@ def _is_contained(step: Query, steps: Sequence[tuple[bool, Query]], at: int) -> 
         # The only other step has its distance too: "go 15 metres and stop".
         stop = replace(step, action="stop", actions=("stop",), distance_m=None, distance_of=None)
         measures = len(steps) == 2 and later[0] == stop
-        return bare or _same_vehicle(step, later[0]) or measures
+        through = step.landmark is None and step.referent is None and not sides
+        through = through and all(one.relation == "into" for one in step.secondary)
+        crosses = through and later[0].landmark == "secondary"  # what lies beyond is counted from there
+        return bare or crosses or _same_vehicle(step, later[0]) or measures
     if step.direction == "around" and step.referent is None and not step.secondary:  # "turn around and go back"
         kept = [*steps[:at], *((is_main, other) for is_main, other in steps[at + 1 :] if is_main)]
         return any(other.direction == "around" for _, other in kept)

@@ -70,6 +70,7 @@ class NounPhrase:
         in_lexicon: whether the lexicon holds its noun.
         in_line: as in `Referent`.
         clothes: as in `Referent`.
+        distance_m: as in `Exclusion`.
     """
 
     kind: str
@@ -87,6 +88,7 @@ class NounPhrase:
     in_lexicon: bool = True
     in_line: bool = False
     clothes: str | None = None
+    distance_m: float | None = None
 
     def add_qualifier(self, value: str) -> None:
         """Add a qualifier that follows the noun; "from the left" after an ordinal is the start of counting."""

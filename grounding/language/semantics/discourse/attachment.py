@@ -7,7 +7,12 @@ from grounding.language.semantics.discourse.command_frames import ENTERABLE, Com
 from grounding.language.semantics.discourse.coreference import name_by_order
 from grounding.language.semantics.discourse.discourse_state import DiscourseState
 from grounding.language.semantics.discourse.mentions import add_mention, attach_distance, exclude, refine
-from grounding.language.semantics.discourse.relation_attachment import TARGET_KINDS, attach_related, attach_target
+from grounding.language.semantics.discourse.relation_attachment import (
+    TARGET_KINDS,
+    attach_kerb,
+    attach_related,
+    attach_target,
+)
 from grounding.language.semantics.discourse.repairs import replace_target
 from grounding.language.syntax.clauses import TEMPORAL
 from grounding.language.syntax.noun_phrases import PLACE_KINDS, VEHICLE_KINDS, NounPhrase
@@ -192,6 +197,8 @@ def _attach_object(state: DiscourseState, frame: CommandFrame, phrase: NounPhras
         add_mention(state, phrase, "target")
     else:
         reaches = frame.verb.endswith(" to") and phrase.kind == "thing"  # "creep up to the stop line"
+        if reaches and attach_kerb(state, "toward", phrase):
+            return
         frame.landmarks.append(("toward" if reaches else "object", phrase))
         add_mention(state, phrase, "landmark")
     attach_distance(state, "gap")

@@ -31,8 +31,8 @@ class CommandFrame:
         side: side of the road for the goal: left, right, kerb (ours) or opposite.
         lane: lane of the goal.
         goal_qualifiers: places named before the target.
-        distances: metres, each with its kind: gap (to the target), travel, travel_or_gap (depends on the action) or
-            descriptor (distance of the target from the ego).
+        distances: metres, each with its kind: gap (to the target), travel, travel_or_gap (depends on the action),
+            kerb (to the edge of the road) or descriptor (distance of the target from the ego).
         refers_to_place: whether "there" refers to a place named earlier.
         goes_around: whether "around" follows the verb.
         moves_away: whether "away" or "from" follows the verb.

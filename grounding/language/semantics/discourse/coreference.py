@@ -49,7 +49,9 @@ def find_antecedent(discourse: Discourse, phrase: NounPhrase) -> NounPhrase | No
     if phrase.head in _PLURAL_PRONOUNS and any(other.kind == "person" for other, _ in before):
         # "That man wants to cross behind the bus, let them": one bus is not "them".
         before = [(other, role) for other, role in before if other.kind != "vehicle" or other.number != 1]
-    for kinds in (("vehicle",), ("person",), ("traffic", "thing", "spot", "region")):
+    # "It" is no person: "someone's on the crossing, stop before it".
+    first: tuple[str, ...] = ("thing",) if phrase.head == "it" else ()
+    for kinds in (("vehicle",), first, ("person",), ("traffic", "thing", "spot", "region")):
         for roles in (("stated", "target", "event", "excluded"), ("denied",), ("landmark",), ("context",)):
             for other, role in reversed(before):
                 if other.kind in kinds and role in roles:

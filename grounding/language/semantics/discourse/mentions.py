@@ -16,6 +16,7 @@ def add_mention(state: DiscourseState, phrase: NounPhrase, role: str) -> None:
 
 def exclude(state: DiscourseState, relation: str | None, phrase: NounPhrase, role: str = "excluded") -> None:
     """Exclude a noun phrase, as the referent or in a relation to the goal."""
+    phrase.distance_m, state.open_distance_m = state.open_distance_m, None  # "not within 10 m of the crossing"
     state.discourse.excluded.append((relation, phrase))
     add_mention(state, phrase, role)
     state.negated = False

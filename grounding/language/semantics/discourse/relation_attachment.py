@@ -7,6 +7,9 @@ from grounding.language.semantics.discourse.discourse_state import DiscourseStat
 from grounding.language.semantics.discourse.mentions import add_mention, attach_distance, exclude
 from grounding.language.syntax.noun_phrases import PLACE_KINDS, NounPhrase
 
+# Edges of the road, relations of a place along them, and verbs that end there.
+KERBS = ("kerb", "curb", "roadside", "kerbside", "curbside")
+_AT_KERB, _STANDING = ("toward", "near", "next_to", "at"), ("park", "stop", "pull_over")
 # Kinds of noun phrases that a frame may be about.
 TARGET_KINDS = ("vehicle", "traffic", "pronoun", "one", "person")
 _GROUPS = ("row", "line", "queue", "group", "string", "bunch", "series", "pair", "set", "cluster", "first", "rest")
@@ -110,11 +113,26 @@ def attach_target(state: DiscourseState, relation: str, phrase: NounPhrase) -> N
         attach_distance(state, "descriptor")
 
 
+def attach_kerb(state: DiscourseState, relation: str, phrase: NounPhrase) -> bool:
+    """Put the goal at our kerb, at the open distance: "1 m from the kerb"; return whether the phrase is the kerb."""
+    frame = state.host_frame
+    reached = relation == "toward" and frame.verb_class == "stop" and state.open_distance_m is None
+    if phrase.head not in KERBS or reached:  # "pull up to the kerb" names a place, "nose in to the kerb" a manner
+        return False
+    attach_distance(state, "kerb")
+    if frame.target is None and frame.verb_class in _STANDING:
+        frame.side = frame.side or "kerb"
+    add_mention(state, phrase, "landmark")
+    return True
+
+
 def _attach_landmark(state: DiscourseState, relation: str, phrase: NounPhrase) -> None:
     """Attach a thing in a relation to the goal, or to the vehicle just named."""
     frame, noun = state.host_frame, state.open_phrase
     if frame.negated:
         exclude(state, relation, phrase)
+        return
+    if relation in _AT_KERB and attach_kerb(state, relation, phrase):
         return
     if frame.target is not None and noun is not None and noun.kind in ("vehicle", "person"):
         noun.related.append((relation, phrase))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from grounding.language.semantics.discourse.command_frames import ENTERABLE
 from grounding.language.semantics.discourse.discourse_state import DiscourseState
 from grounding.language.semantics.discourse.mentions import attach_distance
-from grounding.language.semantics.discourse.relation_attachment import attach_target
+from grounding.language.semantics.discourse.relation_attachment import KERBS, attach_target
 from grounding.language.semantics.discourse.repairs import replace_side
 from grounding.language.semantics.discourse.verb_rules import AWAITING
 from grounding.language.syntax.noun_phrases import VEHICLE_KINDS, NounPhrase
@@ -17,6 +17,7 @@ _WEAK = ("at", "toward", "in", "into", "along", "on", "with", "of")
 # States of a vehicle that moves away from "in front of us".
 _DEPARTING = ("leaving", "turning", "turning_left", "turning_right", "passing")
 _STANDING = ("park", "stop", "pull_over")
+_MOVING = ("go", "drive", "move", "get")
 _STEERING = ("turn", "change_lane", "go", "drive", "move", "overtake")
 # Ends of phrases for the next vehicle in our lane ("in front of us"); "up ahead" may be any vehicle.
 _IN_LINE = (
@@ -33,9 +34,10 @@ _IN_LINE = (
 )
 # Sides that are named by their traffic, as sides of a goal.
 _SIDES_BY_TRAFFIC = {"opposite": "opposite", "own": "kerb"}
-_KERBS = ("kerb", "curb", "roadside", "kerbside", "curbside")
 # Places of vehicles that say nothing of a goal: "stop next to us".
 _OF_VEHICLES = ("beside_ego", "at_end")
+# Things across our lane.
+_ACROSS = ("crosswalk", "stop_line")
 # Kinds of words between a distance and its reference.
 _BEFORE_REFERENCE = ("relation", "between", "away", "where")
 
@@ -135,13 +137,17 @@ def handle_side(state: DiscourseState, token: Token) -> None:
     stands = frame is not None and frame.verb_class in _STANDING and frame.target is None and not state.negated
     if stands and noun is not None and noun.kind == "thing" and value not in _SIDES_BY_TRAFFIC:
         state.open_phrase = None  # "past the crossing on the left"
+    if value == "opposite" and noun is not None and noun.noun in _ACROSS:
+        noun.add_qualifier(token.value)  # "the crossing on the far side" of a junction
+        return
     if value == "own" and state.host_frame.relation == "opposite" and not state.negated:
         state.host_frame.side = state.host_frame.side or "kerb"  # "opposite the van, on our side"
         return
     if _qualify_open_phrase(state, token):
         return
     if value in _SIDES_BY_TRAFFIC:
-        if state.frame is not None and state.frame.verb_class in (*_STANDING, "take") and not state.negated:
+        verbs = (*_STANDING, "take", *(_MOVING if value == "opposite" else ()))
+        if state.frame is not None and state.frame.verb_class in verbs and not state.negated:
             state.frame.side = state.frame.side or _SIDES_BY_TRAFFIC[value]
         return
     if state.negated:
@@ -159,7 +165,7 @@ def handle_side(state: DiscourseState, token: Token) -> None:
 def handle_here(state: DiscourseState, token: Token) -> None:
     """Put the goal at our kerb: "stop by the kerb"; other words for here add nothing."""
     noun, frame = state.open_phrase, state.frame
-    at_kerb = token.text.split()[-1] in _KERBS and (noun is None or noun.kind not in VEHICLE_KINDS)
+    at_kerb = token.text.split()[-1] in KERBS and (noun is None or noun.kind not in VEHICLE_KINDS)
     if at_kerb and frame is not None and frame.verb_class in _STANDING and not state.negated:
         frame.side = frame.side or "kerb"
 
@@ -212,7 +218,8 @@ def handle_lane(state: DiscourseState, token: Token) -> None:
     elif state.frame is None and state.other_subject is None and state.next_kind in ("be", "aux"):
         state.subject = state.open_phrase = lane  # "the left lane is closed"
     else:
-        if not _qualify_open_phrase(state, token):
+        # Of a vehicle, one lane to the right is the right lane.
+        if not _qualify_open_phrase(state, token.with_category(WordCategory.LANE, token.value.removeprefix("next_"))):
             state.host_frame.lane = token.value
         state.open_relation = None
 

@@ -92,6 +92,8 @@ def tag_possessive(before: Sequence[Token], token: Token, after: Sequence[Token]
         return token.with_category(WordCategory.PRONOUN)  # "let her cross"
     said_last = len(after) == 1 or category_at(after, 1) in (WordCategory.COMMA, WordCategory.BREAK)
     if token.text == "its" and category_at(after, 0) is WordCategory.COLOUR and said_last:
+        if category_at(before, -1) is WordCategory.VERB:
+            return token.with_category(WordCategory.COMMA)  # "go go its green"
         return token.with_category(WordCategory.PRONOUN)  # "behind the van, its white"
     return tag_determiner(before, token, after)
 

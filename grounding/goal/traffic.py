@@ -1,0 +1,55 @@
+"""How the vehicle of a command drives: on ahead of us, away from a place beside it, or towards us."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from appocc.motion_state import DRIVING_MPS, MOVING_MPS
+from grounding.goal.limits import PARKING_ACTIONS
+from grounding.query import Query
+from grounding.road.lane_model import LANE_M
+from grounding.road.road_map import RoadMap
+from grounding.scene_object import SceneObject
+
+# Least cosine between the heading of a vehicle and our direction of travel if it goes our way.
+_SAME_WAY = 0.7
+# Relations of a place on the way to a vehicle.
+TOWARDS = ("none", "toward", "near", "at")
+
+
+def drives_away(query: Query, item: SceneObject) -> bool:
+    """Return whether a place to stand is asked for beside a vehicle that drives on."""
+    stands = query.action in ("park", "pull_over", "stop") and query.relation != "same_as"
+    # Who parks stays longer than one that creeps in a queue.
+    most_mps = MOVING_MPS if query.action in PARKING_ACTIONS else DRIVING_MPS
+    said = item.speed_mps is None and query.referent is not None and "moving" in query.referent.qualifiers
+    return stands and query.trigger is None and (said or (item.speed_mps or 0.0) > most_mps)
+
+
+def is_caught_up_with(query: Query, item: SceneObject, road: RoadMap) -> bool:
+    """Return whether to get behind or up to a vehicle is to follow it, since it drives on ahead of us."""
+    if query.action == "stop":
+        drives = query.relation in ("none", "behind") and drives_away(query, item)
+    else:
+        behind = query.action == "approach" and query.relation in (*TOWARDS, "behind")
+        drives = behind and (item.speed_mps or 0.0) > DRIVING_MPS
+    return drives and _drives_before_us(item, road)
+
+
+def how_it_moves(item: SceneObject) -> str:
+    """Return how a vehicle drives, in words."""
+    return "moves" if item.speed_mps is None else f"drives at {item.speed_mps:.0f} m/s"
+
+
+def _drives_before_us(item: SceneObject, road: RoadMap) -> bool:
+    """Return whether a vehicle drives ahead of us in our direction, in our lane or the next."""
+    along, lateral = (float(each) for each in road.ego_lane.project(item.centre_m))
+    ours = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) > _SAME_WAY
+    return bool(item.front_known and ours and along > 0 and abs(lateral) < 1.5 * LANE_M)
+
+
+def comes_towards_us(item: SceneObject, road: RoadMap) -> bool:
+    """Return whether a vehicle ahead of us drives against our direction."""
+    along, _ = (float(each) for each in road.ego_lane.project(item.centre_m))
+    against = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) < -_SAME_WAY
+    return bool(item.front_known and against and along > 0 and (item.speed_mps or 0.0) > DRIVING_MPS)
