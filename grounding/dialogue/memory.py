@@ -28,6 +28,7 @@ class Memory:
         offered: candidates of the last question.
         rejected: ids of the candidates that were refused since the last command.
         earlier: plans that were in force before and had other steps, the last one first.
+        counts_stops: whether the passenger counts the stops: "first stop ...", "two drops".
     """
 
     plan: tuple[Request, ...] = ()
@@ -40,6 +41,7 @@ class Memory:
     offered: tuple[Candidate, ...] = ()
     rejected: frozenset[str] = frozenset()
     earlier: tuple[tuple[Request, ...], ...] = ()
+    counts_stops: bool = False
 
     def with_earlier(self) -> Memory:
         """Return the memory with the plan in force among the earlier ones."""
@@ -49,6 +51,14 @@ class Memory:
     def request(self) -> Request | None:
         """The step that the last question or answer is about; None before the first command."""
         return self.asked[self.at] if self.asked else None
+
+    @property
+    def steps(self) -> tuple[Request, ...]:
+        """The steps that were spoken of: those in force, and after or before them those of the open question."""
+        queries = [replace(step.query, command="") for step in self.asked]
+        in_force = [replace(step.query, command="") for step in self.plan]
+        adds = all(one in queries for one in in_force) if self.question else queries[: len(in_force)] == in_force
+        return self.asked if adds else self.plan
 
     def with_request(self, request: Request) -> tuple[Request, ...]:
         """Return the steps that were asked for last with another one in its place."""
