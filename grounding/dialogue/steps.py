@@ -146,8 +146,10 @@ def _drop(talk: Conversation, text: str, words: Words) -> Answer | None:
     named, tail = _cut(words[start or words_end("rejecting", words, 0) :])
     as_stop = any(words_end("stop", named, i) == len(named) for i in range(1, len(named)))
     off = next((i for i in range(len(named)) if words_end("dropped", named, i) == len(named)), None)
-    if named == words or (not start and not as_stop) or (words[0] == "take" and off is None):
+    if not named or named == words or (not start and not as_stop) or (words[0] == "take" and off is None):
         return None
+    if has_verb(talk.read(" ".join(named))) and named[0] not in _ARTICLES and words[start - 1] != "to":
+        return None  # "never mind, just let me out"
     found = _named(talk, steps, named[:off])
     if found is None or (not found and len(steps) == 1 and not talk.state.counts_stops and tail):
         return None

@@ -76,7 +76,10 @@ def _answer_wait(talk: Conversation, text: str, last: str) -> Answer | None:
         return _keep(talk, text, "what is to be awaited is not understood") if goes else None
     waits = [_about_meant(talk, one) for one in requests_of(said(awaited.wait, text))]
     if agrees:
-        return talk.take((*waits, *_without(steps, waits)))
+        asked = talk.state.question is not None
+        answer = talk.take((*waits, *_without(steps, waits)))
+        unsettled = any(one.status != "ok" and (asked or one.query.referent) for one in answer.steps[: len(waits)])
+        return None if unsettled else answer  # for whom we wait is not asked beside another question
     if awaited.supposed and awaited.command is not None and awaited.command.query.action not in HOLDING:
         then = [_about_meant(talk, one) for one in requests_of(said(awaited.command, text))]
         return talk.take((*steps, *waits, *then))

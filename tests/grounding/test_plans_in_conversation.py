@@ -87,6 +87,10 @@ def test_steps_are_dropped_and_moved_by_words(turn: str, left: list[str]) -> Non
     assert steps_of(about) == left
 
 
+def test_a_command_after_never_mind_is_none_to_drop() -> None:
+    assert steps_of(talk("pull over", "oh never mind just let me out here")[1]) != ["None"]
+
+
 @pytest.mark.parametrize("turn", ["skip the bus", "cancel the fourth stop", "swap the third and the fourth"])
 def test_a_step_that_is_not_there_is_told(turn: str) -> None:
     session, answer = talk(*THREE, turn)
