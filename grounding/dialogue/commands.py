@@ -12,7 +12,8 @@ from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import each_step, find_fitting, widen
 from grounding.dialogue.fragments import is_understood, keep_action, names_pronoun, refers_to_place
 from grounding.dialogue.merging import merge_request, names_gap_only
-from grounding.dialogue.reports import ask_again, inform, not_understood
+from grounding.dialogue.reports import ask_again, inform, not_understood, notice
+from grounding.dialogue.steps import STOPS
 from grounding.dialogue.telling import said
 from grounding.dialogue.turns import Turn
 from grounding.language import Reading, WordCategory
@@ -54,6 +55,8 @@ def answer_command(
         readings = (turn.as_command(readings[0]), *readings[1:])
     if readings[0].problem:
         return not_understood(talk, text, readings[0], words)
+    if there := _stop_there(talk, said(readings[0], text)):
+        return there
     base = state.request
     readings = tuple(keep_action(said(one, text), base.query if base else None) for one in readings)
     readings = tuple(each_step(widen(one, talk.scene), lambda step: _about_focus(talk, step)) for one in readings)
@@ -88,10 +91,20 @@ def answer_command(
         return talk.take([replace(requests_of(answer.reading)[-1], chosen=again)], then)
     careful = first.query.action == "avoid" and first.query.relation == "none" and len(first.steps) == 1
     if careful and state.goal is not None and not then:  # "don't splash her"
+        notice(talk, words)
         return inform(talk, text, "the goal stays as it is: we keep clear of others on the way")
     if edits and not then and (edited := replace_step(talk, requests_of(answer.reading))):
         return edited
     return talk.take(requests_of(answer.reading), then, answer)
+
+
+def _stop_there(talk: Conversation, reading: Reading) -> Answer | None:
+    """Keep the place of the goal and add what comes after it: "drop me there and then turn left"; None for others."""
+    stops, *further = requests_of(reading)
+    plan = talk.state.plan
+    if not (further and plan) or stops.query.action not in STOPS or not refers_to_place(stops.reading):
+        return None
+    return talk.take((*plan[:-1], merge_request(plan[-1], stops.query), *further))
 
 
 def _about_focus(talk: Conversation, query: Query) -> Query:

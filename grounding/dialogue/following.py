@@ -77,7 +77,7 @@ def follow_plan(requests: Sequence[Request], goal: Answer, before: SceneModel, s
     """
     left, reasons = list(requests), list[str]()
     done = goal.steps or (goal,)
-    while len(left) > 1 and (reason := _done(left[0], done[len(requests) - len(left)], before, scene)):
+    while len(left) > 1 and (reason := _done(left, done[len(requests) - len(left)], before, scene)):
         left.pop(0)
         reasons.append(reason)
     moved = list[Request]()
@@ -111,8 +111,14 @@ def has_happened(event: str, first: Sighting, item: SceneObject | None, scene: S
     return bool(tests.get(event, False))
 
 
-def _done(step: Request, answered: Answer, before: SceneModel, scene: SceneModel) -> str:
-    """Return why a step is done; '' if it is not."""
+def _done(steps: Sequence[Request], answered: Answer, before: SceneModel, scene: SceneModel) -> str:
+    """Return why the first of some steps is done; '' if it is not.
+
+    One that lasts, such as following, is done when the event comes that the next one waits for.
+    """
+    step, following = steps[:2]
+    if step.query.trigger is None and step.query.action in _LASTING_ACTIONS and following.query.action == "wait":
+        step = following
     action, event = (step.query.action or "drive").replace("_", " "), step.query.trigger
     if event is not None and step.chosen is not None:
         now = relocate(step.chosen, before, scene)

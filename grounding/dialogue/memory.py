@@ -31,6 +31,7 @@ class Memory:
         spoken: vehicles that answers were about, the last one first.
         rejected: ids of the candidates that were refused since the last command.
         earlier: plans that were in force before and had other steps, the last one first.
+        counts_stops: whether the passenger counts the stops: "first stop ...", "two drops".
     """
 
     plan: tuple[Request, ...] = ()
@@ -44,6 +45,7 @@ class Memory:
     spoken: tuple[Candidate, ...] = ()
     rejected: frozenset[str] = frozenset()
     earlier: tuple[tuple[Request, ...], ...] = ()
+    counts_stops: bool = False
 
     def with_earlier(self) -> Memory:
         """Return the memory with the plan in force among the earlier ones."""
@@ -60,6 +62,14 @@ class Memory:
     def request(self) -> Request | None:
         """The step that the last question or answer is about; None before the first command."""
         return self.asked[self.at] if self.asked else None
+
+    @property
+    def steps(self) -> tuple[Request, ...]:
+        """The steps that were spoken of: those in force, and after or before them those of the open question."""
+        queries = [replace(step.query, command="") for step in self.asked]
+        in_force = [replace(step.query, command="") for step in self.plan]
+        adds = all(one in queries for one in in_force) if self.question else queries[: len(in_force)] == in_force
+        return self.asked if adds else self.plan
 
     def with_request(self, request: Request) -> tuple[Request, ...]:
         """Return the steps that were asked for last with another one in its place."""

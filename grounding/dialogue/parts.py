@@ -10,7 +10,9 @@ from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.reports import notice
 from grounding.dialogue.sentences import answer_sentence, is_misunderstood
+from grounding.dialogue.steps import edit_steps
 from grounding.dialogue.turns import ASIDES, DOING, predict_turn
+from grounding.dialogue.waits import answer_wait
 from grounding.language.questions import asks_car
 from grounding.language.reader.fields import NONE
 from grounding.language.reader.network import Prediction
@@ -131,6 +133,8 @@ def _names_nothing(prediction: Prediction, text: str) -> bool:
 
 def answer_turn(talk: Conversation, text: str) -> Answer:
     """Answer a turn: sentence by sentence if each has a certain act of its own, else as a whole."""
+    if answer := edit_steps(talk, text) or answer_wait(talk, text):
+        return answer
     before = talk.state
     parts = [] if talk.is_opening else _sentences_of(talk, text)
     if len(parts) == 1 and parts[0].act in _GIVING_UP:
@@ -177,7 +181,7 @@ def _answer_each(talk: Conversation, parts: Sequence[Part], reasons: bool = True
         elif one.is_aside:
             aside = answer_sentence(talk, one.text)
         else:
-            told = answer_sentence(talk, one.text)
+            told = edit_steps(talk, one.text) or answer_wait(talk, one.text) or answer_sentence(talk, one.text)
             if answer is None or one.is_command or told.status == "ok":
                 answer, until = told, before
             elif not reasons:

@@ -26,7 +26,13 @@ SHIFTS: tuple[ShiftDirection, ...] = get_args(ShiftDirection)
 # Kinds that are words of a description and no replies: comparatives, by the superlative that they are among
 # candidates.
 _COMPARATIVES = ("nearest", "farthest", "largest", "smallest")
-_WORD_KINDS = ("skip", "tail", *_COMPARATIVES)
+_PLAN_KINDS = (
+    *("dropping", "rejecting", "dropped", "rest", "stop", "step", "being", "swapping", "both", "visiting"),
+    *("untilword", "telling", "awaited", "till", "supposed", "passed", "return"),
+)
+_WORD_KINDS = ("skip", "tail", *_COMPARATIVES, *_PLAN_KINDS)
+# Replies that only open a sentence about a plan: "no wait, forget the stop", "ok and go on then".
+_OPENING = ("yes", "no", "pause", "thanks", "aside", "then", "meant")
 # Kinds that the rest of the sentence may follow: "no, the red one".
 _LEADING = (
     *(
@@ -130,6 +136,29 @@ def read_reply(text: str, lexicon: Lexicon | None = None) -> Reply:
         if distance_m is not None and left and more and left[0] in _TO_NAMED.get(more[-1], ()):
             return Reply((*kinds, *more), " ".join(left), None, distance_m)  # "half a metre closer to the van"
     return Reply(kinds, " ".join(rest))
+
+
+def words_after_opening(text: str, lexicon: Lexicon | None = None, *, tail: bool = False) -> tuple[str, ...]:
+    """Return the words of a sentence without those that only open it: "no wait, skip the truck".
+
+    `tail`: whether those stay that only close it: "please".
+    """
+    lexicon = lexicon or default_lexicon()
+    words = tuple(respelled(WORD.findall(normalise(text)), lexicon))
+    start = _skip(words, 0, lexicon)
+    while start < len(words):
+        end, kind = _longest_match(words, start)
+        a_verb = kind in _BEFORE_COMMA and words[end : end + 1] != (",",)  # "wait for it"
+        if kind not in _OPENING or a_verb or any(words_end(one, words, start) > end for one in _PLAN_KINDS):
+            break
+        start = _skip(words, end, lexicon)
+    return words[start:] if tail else _without_tail(words[start:])
+
+
+def words_end(kind: str, words: tuple[str, ...], start: int) -> int:
+    """Return the end of the longest phrase of a kind of words from a word on; `start` if there is none."""
+    matched = _replies(kind).longest_match(words, start) if words[start:] else None
+    return matched[0] if matched else start
 
 
 def respelled(words: Sequence[str], lexicon: Lexicon) -> Iterator[str]:

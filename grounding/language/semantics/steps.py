@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from grounding.language.replies import words_end
 from grounding.language.semantics.discourse.command_frames import Discourse
 from grounding.language.semantics.discourse.coreference import resolve_anaphor
 from grounding.language.semantics.main_action import SIDE_CONNECTIVES, Intent, MainIntent
-from grounding.query import Query
+from grounding.query import Direction, Query
 
 # Actions that end where the ego stands, and actions that hold until their event.
 _STANDING = ("park", "stop", "pull_over")
 _HOLDING = ("wait", "give_way")
+_OTHER_SIDE: dict[str | None, Direction] = {"left": "right", "right": "left"}
+# Actions that go on until their event: "follow it until it turns".
+_GOING_ON = ("follow", "other")
 # Actions that a later step about the same vehicle contains: "drive up to the van and stop behind it".
 _ON_THE_WAY = ("approach", "other")
 # An intent, the intents that add arguments to it, and all intents -> its query.
@@ -36,6 +40,11 @@ def plan_steps(
         ordered.append(main.intent)
     ordered.sort(key=lambda one: one.frame.start)
     steps = [(one.frame is main.intent.frame, _step(discourse, one, main, query_of)) for one in ordered]
+    verbs = [one.frame.verb for one in ordered]
+    steps = [
+        pair if pair[0] else (False, _changed_back(pair[1], steps[i - 1][1], verbs[i]))
+        for i, pair in enumerate(steps)
+    ]
     steps = [pair for i, pair in enumerate(steps) if pair[0] or not _is_contained(pair[1], steps, i)]
     if len(steps) == 1:
         steps = [(True, query)]
@@ -53,6 +62,15 @@ def _step(discourse: Discourse, intent: Intent, main: MainIntent, query_of: Quer
         intent = replace(intent, target=awaited)
     target = intent.target if intent.target is not None and intent.target.kind in ("vehicle", "person") else None
     return query_of(MainIntent(intent, target, intent.anaphora), [intent], [intent])
+
+
+def _changed_back(step: Query, before: Query, verb: str) -> Query:
+    """Return a step that comes back after a change of lane as the change to the other side."""
+    words, side = tuple(verb.split()), _OTHER_SIDE.get(before.direction)
+    if before.action != "change_lane" or side is None or words_end("return", words, 0) < len(words):
+        return step
+    changed = Query(step.command, "change_lane", ("change_lane",), direction=side)
+    return replace(changed, distance_m=step.distance_m, distance_of=step.distance_of)
 
 
 def _is_contained(step: Query, steps: Sequence[tuple[bool, Query]], at: int) -> bool:
@@ -96,6 +114,9 @@ def _await(
     if step.trigger is None or step.action in _HOLDING:
         return [pair]
     intent = next((one for one in commands if one.frame.event == step.trigger), None)
+    ends = intent is not None and intent.frame.event_connective == "until" and not intent.frame.negated
+    if ends and step.action in _GOING_ON:
+        return [pair]
     subject = intent.frame.event_subject if intent is not None else None
     awaited = resolve_anaphor(discourse, subject) if subject is not None else None
     if intent is None or awaited is None or awaited.kind not in ("vehicle", "person", "traffic"):

@@ -1,0 +1,287 @@
+"""Steps of a plan as a passenger names them: stops in their order, steps that are dropped or change places."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from grounding.answer import Answer
+from grounding.dialogue.conversation import Conversation
+from grounding.dialogue.fragments import begins_with_place, has_verb, is_understood, read_description
+from grounding.dialogue.reports import cancel, inform
+from grounding.dialogue.telling import describe_goal, said
+from grounding.language import WordCategory
+from grounding.language.replies import named_distance, words_after_opening, words_end
+from grounding.language.syntax.lexicon import default_lexicon
+from grounding.query import Query, Referent
+from grounding.referent.resolver import find_all
+from grounding.requests import Request, after_turns, requests_of
+from grounding.vocabulary import POSITIONS
+
+Words = tuple[str, ...]
+# Actions of a stop, and actions that hold until an event comes.
+STOPS, HOLDING = ("park", "stop", "pull_over", "approach"), ("wait", "give_way")
+_MARKS, _ARTICLES = (",", ".", ";", "!", "?"), ("the", "that", "this", "our", "my", "a", "your")
+_JOINING = (*_MARKS, "and", "but", "then")
+# Positions from the end, and that of a further step.
+_LAST, _FURTHER = -1, 0
+_ENDS = {"last": _LAST, "final": _LAST, "next": _FURTHER}
+
+
+def edit_steps(talk: Conversation, text: str) -> Answer | None:
+    """Answer a turn that names stops in their order, drops steps or moves them; None for other turns."""
+    words = words_after_opening(text, talk.grounder.lexicon)
+    if answer := _name_stops(talk, text, words):
+        return answer
+    if not talk.state.steps:
+        return None
+    edited = _drop(talk, text, words) or _swap(talk, text, words) or _move(talk, text, words)
+    return edited or _change_back(talk, text, words)
+
+
+# What a step is called ----------------------------------------------------------------------------------------------
+
+
+def _number(word: str) -> int | None:
+    """Return the whole number that a word is; None for other words."""
+    _, entry = default_lexicon().longest_match((word,), 0) or (0, None)
+    if word.isdigit():
+        return int(word)
+    return int(float(entry.value)) if entry is not None and entry.category is WordCategory.NUMBER else None
+
+
+def _position(words: Words, start: int) -> tuple[int, int] | None:
+    """Return the position that words name ("the second", "last", "stop two") and the end of its name."""
+    at = start + 1 if words[start : start + 1] and words[start] in _ARTICLES else start
+    if not words[at:]:
+        return None
+    if (number := POSITIONS.get(words[at], _ENDS.get(words[at]))) is not None:
+        return number, at + 1
+    noun = _noun_end(words, at)
+    counted = _number(words[noun]) if noun > at and words[noun:] else None
+    metres = named_distance(" ".join(words[noun : noun + 2])) is not None  # "stop 10 metres behind the car"
+    return (counted, noun + 1) if counted and not metres else None
+
+
+def _noun_end(words: Words, start: int) -> int:
+    """Return the end of a noun for a step; `start` if there is none."""
+    return max(words_end("stop", words, start), words_end("step", words, start))
+
+
+def _counted(steps: Sequence[Request], only_stops: bool) -> list[int]:
+    """Return the steps that are counted: the stops, or all but the waits."""
+    acts = [step.query.action for step in steps]
+    return [i for i, act in enumerate(acts) if (act in STOPS if only_stops else act not in HOLDING)]
+
+
+def _at_position(steps: Sequence[Request], words: Words) -> list[int] | None:
+    """Return the step that words name by its position, none if the plan has no such step; None for other words."""
+    number, end = _position(words, 0) or (_FURTHER, 0)
+    if number == _FURTHER or words[_noun_end(words, end) :]:
+        return None
+    only_stops = any(words_end("stop", words, i) > i for i in range(len(words)))
+    return _counted(steps, only_stops)[number - 1 if number > 0 else number :][:1]
+
+
+def _named(talk: Conversation, steps: Sequence[Request], words: Words) -> list[int] | None:
+    """Return the steps that words name: "the second stop", "the overtaking", "the van"; None if they name none.
+
+    A list without a step stands for one that the plan has not.
+    """
+    if not words or any(mark in words for mark in _MARKS):
+        return None
+    if (found := _at_position(steps, words)) is not None:
+        return found
+    phrase = " ".join(words)
+    reading = talk.readings(phrase.removeprefix("the "), None, alone=False)[0]
+    query = reading.query
+    if query.action is not None and is_understood(reading):
+        acts = STOPS if query.action == "stop" else (query.action,)
+        same = [i for i, step in enumerate(steps) if step.query.action in acts]
+        about = query.referent
+        return same if about is None else [i for i in same if _is_about(talk, steps[i], about)]
+    end = next((i for i in range(1, len(words)) if words_end("stop", words, i) == len(words)), len(words))
+    described = read_description(" ".join(words[:end]), None, talk.readings, whole=True)
+    if described is None or described.query.referent is None or described.query.referent.anaphora:
+        return None
+    named = described.query.referent
+    return [i for i, step in enumerate(steps) if _is_about(talk, step, named)]
+
+
+def _is_about(talk: Conversation, step: Request, named: Referent) -> bool:
+    """Return whether a step is about a vehicle as it is described, by the words of the step or by its looks."""
+    own = step.query.referent
+    if own is None:
+        return False
+    alike = named.noun in (own.noun, "vehicle") and named.colour in (own.colour, None)
+    if alike and {*named.qualifiers} <= {*own.qualifiers}:
+        return True
+    return step.chosen is not None and any(one.id == step.chosen.item.id for one in find_all(named, talk.scene))
+
+
+# What is done with steps --------------------------------------------------------------------------------------------
+
+
+def _take(talk: Conversation, text: str, steps: Sequence[Request]) -> Answer:
+    """Plan other steps, or the same in another order."""
+    return talk.take(tuple(replace(one, reading=said(one.reading, text)) for one in steps))
+
+
+def _tell_missing(talk: Conversation, text: str) -> Answer:
+    """Tell that the plan has no such step, and which it has."""
+    told = describe_goal(talk.state.goal) if talk.state.goal is not None else ()
+    return inform(talk, text, "the plan has no such step: it stays as it is", *told)
+
+
+def _cut(words: Words) -> tuple[Words, Words]:
+    """Return the words before the first mark or conjunction, and those after it."""
+    end = next((i for i, word in enumerate(words) if word in _JOINING), len(words))
+    return words[:end], words[end:]
+
+
+def _drop(talk: Conversation, text: str, words: Words) -> Answer | None:
+    """Drop the steps that a turn gives up: "skip the truck", "cancel the last instruction, the rest stands"."""
+    steps = after_turns(talk.state.steps)
+    start = words_end("dropping", words, 0)
+    named, tail = _cut(words[start or words_end("rejecting", words, 0) :])
+    as_stop = any(words_end("stop", named, i) == len(named) for i in range(1, len(named)))
+    off = next((i for i in range(len(named)) if words_end("dropped", named, i) == len(named)), None)
+    if not named or named == words or (not start and not as_stop) or (words[0] == "take" and off is None):
+        return None
+    if has_verb(talk.read(" ".join(named))) and named[0] not in _ARTICLES and words[start - 1] != "to":
+        return None  # "never mind, just let me out"
+    found = _named(talk, steps, named[:off])
+    if found is None or (not found and len(steps) == 1 and not talk.state.counts_stops and tail):
+        return None
+    left = tuple(step for i, step in enumerate(steps) if i not in found)
+    while left and left[-1].query.action in HOLDING and left[-1] is not steps[-1]:
+        left = left[:-1]  # what was awaited before the step
+    if not _keeps(talk, left, tail):
+        return None
+    if not found:
+        return _tell_missing(talk, text)
+    return _take(talk, text, left) if left else cancel(talk, text)
+
+
+def _keeps(talk: Conversation, left: Sequence[Request], tail: Words) -> bool:
+    """Return whether what is said after a step was given up names a step that is left, or asks for nothing."""
+    after = words_after_opening(" ".join(tail), talk.grounder.lexicon)
+    if not after or words_end("rest", after, 0) == len(after) or _named(talk, left, after):
+        return True
+    reading = talk.read(" ".join(after))
+    names = any(token.category in (WordCategory.NOUN, WordCategory.COLOUR) for token in reading.tokens)
+    return not names and reading.query.action is None
+
+
+def _swap(talk: Conversation, text: str, words: Words) -> Answer | None:
+    """Swap two steps: "swap the first and the second", "swap them"."""
+    steps, named = talk.state.steps, words[words_end("swapping", words, 0) :]
+    if named == words or not named:
+        return None
+    if words_end("both", named, 0) == len(named):
+        pair = _counted(steps, only_stops=False)
+        if len(pair) != 2:
+            return inform(talk, text, "say which two steps are to be swapped: the plan stays as it is")
+    else:
+        joint = next((i for i, word in enumerate(named) if word in ("and", "with")), 0)
+        found = [_named(talk, steps, part) for part in (named[:joint], named[joint + 1 :])]
+        if None in found:
+            return None
+        pair = [at for each in found for at in each or ()]
+        if len(pair) != 2 or pair[0] == pair[1]:
+            return _tell_missing(talk, text)
+    order = list(steps)
+    order[pair[0]], order[pair[1]] = steps[pair[1]], steps[pair[0]]
+    return _take(talk, text, order)
+
+
+def _move(talk: Conversation, text: str, words: Words) -> Answer | None:
+    """Make a step the first or the last one: "do the truck first"."""
+    steps = talk.state.steps
+    words, tail = _cut(words)
+    end = _ENDS.get(words[-1], POSITIONS.get(words[-1])) if words else None
+    found = _named(talk, steps, words[words_end("visiting", words, 0) : -1]) if end in (1, _LAST) else None
+    if not found or len(found) > 1 or len(steps) < 2 or not _keeps(talk, steps, tail):
+        return None
+    others = [step for i, step in enumerate(steps) if i not in found]
+    moved = steps[found[0]]
+    return _take(talk, text, [moved, *others] if end == 1 else [*others, moved])
+
+
+def _change_back(talk: Conversation, text: str, words: Words) -> Answer | None:
+    """Change the lane to the other side after a change of lane: "and now go back"; None after other steps."""
+    last, goal = talk.state.steps[-1], talk.state.goal
+    side = last.query.direction
+    if side is None and goal is not None and goal.target is not None:
+        side = "left" if goal.target.ego_m[1] > 0 else "right"
+    if last.query.action != "change_lane" or side is None or words_end("return", words, 0) != len(words):
+        return None
+    query = Query(text, "change_lane", ("change_lane",), direction="left" if side == "right" else "right")
+    return talk.take((*talk.state.steps, Request(reading=last.reading.with_query(query))))
+
+
+# Stops in their order -----------------------------------------------------------------------------------------------
+
+
+def _name_stops(talk: Conversation, text: str, words: Words) -> Answer | None:
+    """Put stops that are named in their order into the plan: "second stop behind the truck"; None for other turns."""
+    numbered = (i for i in range(len(words) - 1) if _number(words[i]) and words_end("stop", words, i + 1) > i + 1)
+    if next(numbered, None) is not None:
+        talk.state = replace(talk.state, counts_stops=True)  # "three stops"
+    steps = talk.state.steps
+    for number, place in _stops_in(words, talk):
+        requests = _stop_at(talk, text, place)
+        if requests is None:
+            return None
+        stops = _counted(steps, only_stops=True)
+        at = stops[number - 1] if 0 < number <= len(stops) else len(steps)
+        steps = (*steps[:at], *requests, *steps[at + 1 :])
+    if steps == talk.state.steps:
+        return None
+    talk.state = replace(talk.state, counts_stops=True)
+    return talk.take(steps)
+
+
+def _stops_in(words: Words, talk: Conversation) -> Iterator[tuple[int, Words]]:
+    """Yield position and place of each stop that is named."""
+    begins = [0, *(i + 1 for i, word in enumerate(words) if word in _JOINING)]
+    marks = [(i, *found) for i in begins if (found := _stop_number(words, i, talk))]
+    for (_, number, start), end in zip(marks, [*(mark[0] for mark in marks[1:]), len(words)], strict=False):
+        place = words[start:end]
+        while place and place[-1] in _JOINING:
+            place = place[:-1]
+        if place:
+            yield number, place
+
+
+def _stop_number(words: Words, start: int, talk: Conversation) -> tuple[int, int] | None:
+    """Return the position of a stop that is named from a word on, and the beginning of its place; None if none is."""
+    state = talk.state
+    start = words_end("visiting", words, start)
+    found = _position(words, start)
+    if found is None:
+        return None
+    number, end = found
+    noun = words_end("stop", words, end)
+    by_noun = noun > end or any(words_end("stop", words, i) > i for i in range(start, end))
+    at = noun if by_noun else words_end("step", words, end)
+    place = max(words_end("being", words, at), at + (words[at : at + 1] == (",",)))
+    # "The second one" may be a vehicle, unless the stops are counted or "is" follows.
+    follows = number == len(_counted(state.steps, only_stops=True)) + 1 > 1 and place > at
+    which = state.question is not None and len(state.question.candidates) > 1
+    return (number, place) if by_noun or state.counts_stops or (follows and not which) else None
+
+
+def _stop_at(talk: Conversation, text: str, place: Words) -> tuple[Request, ...] | None:
+    """Return the steps of a stop at a place, or of the command that its words are; None if they are neither."""
+    phrase = " ".join(place)
+    begins = begins_with_place(phrase, talk.readings)
+    commands = [phrase] if has_verb(talk.read(phrase)) else [f"stop {phrase}" if begins else f"stop by {phrase}"]
+    readings = talk.readings(commands[0], talk.antecedent, alone=False)
+    if readings[0].problem or readings[0].doubt or not _names_place(readings[0].query):
+        return None
+    return requests_of(said(talk.grounder.best_answer(readings).reading, text))
+
+
+def _names_place(query: Query) -> bool:
+    return bool(query.referent or query.secondary or query.goal_side or query.distance_m or query.direction)
