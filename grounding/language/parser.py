@@ -16,6 +16,7 @@ from grounding.language.semantics.accounting import Account, account_for
 from grounding.language.semantics.contrasts.rules import has_partial_repair, resolve_contrasts
 from grounding.language.semantics.discourse.interpreter import interpret
 from grounding.language.semantics.query_builder import BuiltQuery, build_query
+from grounding.language.side_clauses import Split, asks_for_place, said_whole, split_reasons, split_warning
 from grounding.language.syntax.clauses import split_clauses
 from grounding.language.syntax.fragments import complete_fragment, complete_last_sentence, drop_opinion, split_run_ons
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon
@@ -71,6 +72,17 @@ def parse_all(
     normalised, words = normalise(text), lexicon or default_lexicon()
     most = max(1, min(_MAX_WAYS, _MAX_CHARACTERS_READ // (len(normalised) + 1)))
     ways = tokenise_all(normalised, words, most)
+    tagged = tag(ways[0].tokens)
+
+    def read_without(side: Split) -> tuple[Reading, ...]:
+        rest = parse_all(side.command, lexicon, antecedent, verb, revised=revised)
+        return tuple(said_whole(one, text) for one in rest)
+
+    if (warning := split_warning(normalised, tagged)) is not None:
+        rest = read_without(warning)
+        if asks_for_place(rest[0].query):
+            heeded = f"'{warning.beside}' is heeded on the way, and tells no place"
+            return tuple(replace(one, notes=(*one.notes, heeded)) for one in rest)
     likely = [_Analysis(text, way, antecedent, verb) for way in ways if way.cost <= ways[0].cost + _MAX_LOSS]
     # Words that are all known as they are written are not corrected into a command.
     likely = likely[:1] if _is_clean(ways[0]) else likely
@@ -88,8 +100,18 @@ def parse_all(
     if not (revised and alone):
         return readings
     first, *others = revise_readings(readings, ways[0].tokens)
+    if not first.problem and (first.doubt or first.revised):
+        for side in split_reasons(normalised, tagged):
+            first_of_rest, *_ = rest = read_without(side)
+            if first_of_rest.query.action == first.query.action and _is_plain(first_of_rest):
+                return tuple(replace(one, dropped=(*one.dropped, side.beside)) for one in rest)
     read = partial(parse, lexicon=words, revised=False)
     return (_dressed(with_both_ends(first, normalised, read)), *others)
+
+
+def _is_plain(reading: Reading) -> bool:
+    """Return whether a command is understood whole."""
+    return not (reading.problem or reading.doubt or reading.dropped or reading.query.unresolved)
 
 
 def _dressed(reading: Reading) -> Reading:

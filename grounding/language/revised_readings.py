@@ -12,7 +12,7 @@ from grounding.language.reader.revision import Evidence, Revision
 from grounding.language.reading import Reading
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import POLARITY, WordCategory
-from grounding.query import Query
+from grounding.query import Exclusion, Query, Referent
 from grounding.vocabulary import REFUSED
 
 # Least probability of a reading that is acted upon unasked: a wrong goal costs as much as two needless questions.
@@ -164,4 +164,13 @@ def _phrase(query: Query) -> str:
     action = (query.action or "").replace("_", " ")
     relation = "" if query.relation == "none" else query.relation.replace("_", " ")
     vehicle = f"the {query.referent.phrase()}" if query.referent else ""
-    return " ".join(word for word in (action, query.direction or "", relation, vehicle) if word)
+    words = " ".join(word for word in (action, query.direction or "", relation, vehicle) if word)
+    excluded = [one for one in query.excluded if one.relation is not None]
+    return f"{words}, not {' or '.join(map(_place_excluded, excluded))}" if excluded else words
+
+
+def _place_excluded(one: Exclusion) -> str:
+    """Return an excluded place in words: "next to the blue car"."""
+    named = Referent(one.noun, one.noun, one.colour, one.qualifiers)
+    return f"{one.relation} the {named.phrase()}".replace("_", " ")
+
