@@ -9,8 +9,9 @@ from itertools import islice
 
 from grounding.language.ambiguity import MAX_READINGS, list_alternatives
 from grounding.language.between import with_both_ends
+from grounding.language.people import with_people
 from grounding.language.problems import ParseProblem, check_type, find_problem
-from grounding.language.reading import Reading
+from grounding.language.reading import Reading, compose_doubt
 from grounding.language.revised_readings import revise_readings
 from grounding.language.semantics.accounting import Account, account_for
 from grounding.language.semantics.contrasts.rules import has_partial_repair, resolve_contrasts
@@ -20,7 +21,6 @@ from grounding.language.side_clauses import Split, asks_for_place, said_whole, s
 from grounding.language.syntax.clauses import split_clauses
 from grounding.language.syntax.fragments import complete_fragment, complete_last_sentence, drop_opinion, split_run_ons
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon
-from grounding.language.syntax.noun_phrases import named_clothes
 from grounding.language.syntax.tagging.tagger import tag
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token, Tokenised, normalise, tokenise_all
 from grounding.language.syntax.word_categories import WordCategory
@@ -106,22 +106,12 @@ def parse_all(
             if first_of_rest.query.action == first.query.action and _is_plain(first_of_rest):
                 return tuple(replace(one, dropped=(*one.dropped, side.beside)) for one in rest)
     read = partial(parse, lexicon=words, revised=False)
-    return (_dressed(with_both_ends(first, normalised, read)), *others)
+    return (with_people(with_both_ends(first, normalised, read)), *others)
 
 
 def _is_plain(reading: Reading) -> bool:
     """Return whether a command is understood whole."""
     return not (reading.problem or reading.doubt or reading.dropped or reading.query.unresolved)
-
-
-def _dressed(reading: Reading) -> Reading:
-    """Return a reading with the clothes of its person: "She's in the orange coat. Stop by her"."""
-    referent = reading.query.referent
-    if referent is None or referent.noun != "person" or referent.colour or referent.clothes:
-        return reading
-    dressed = replace(referent, clothes=named_clothes(reading.tokens))
-    steps = tuple(replace(one, referent=dressed) if one.referent == referent else one for one in reading.steps)
-    return replace(reading, query=replace(reading.query, referent=dressed), steps=steps)
 
 
 def _is_clean(way: Tokenised) -> bool:
@@ -180,7 +170,8 @@ class _Analysis:
             problem,
             steps=_steps_of(query, self.built),
             dropped=account.dropped,
-            doubt=_compose_doubt(doubtful) or self._doubt_noun(),
+            doubt=compose_doubt(doubtful) or self._doubt_noun(),
+            doubtful=tuple(doubtful),
             doubts_strange=bool(doubtful) and doubtful == [*account.strange],
             corrections=self.way.corrections,
         )
@@ -230,12 +221,6 @@ def _steps_of(query: Query, built: BuiltQuery) -> tuple[Query, ...]:
 def _opposites(corrections: Sequence[tuple[str, str]]) -> list[str]:
     """Return the written words that a correction turned into their opposite: "unparked" read as "parked"."""
     return [written for written, read in corrections if written in (f"un{read}", f"non{read}", f"in{read}")]
-
-
-def _compose_doubt(doubtful: Sequence[str]) -> str:
-    """Return the question about dropped words, '' without any."""
-    words = ", ".join(f"'{word}'" for word in doubtful)
-    return f"{words} was not understood: could you say it in other words?" if words else ""
 
 
 def _notes(way: Tokenised) -> list[str]:

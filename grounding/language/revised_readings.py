@@ -135,7 +135,20 @@ def _changed(reading: Reading, changes: dict[str, Any], revision: Revision) -> R
     if len(steps) < len(reading.steps) and len(left) == 1:  # it takes over the place of the removed step
         i = left[0]
         steps = (*steps[:i], replace(query, trigger=steps[i].trigger), *steps[i + 1 :])
-    return replace(reading, query=query, steps=steps, revised=revision.changed)
+    revised = replace(reading, query=query, steps=steps, revised=revision.changed)
+    return revised.without_dropped(_used_words(reading, changes))
+
+
+def _used_words(reading: Reading, changes: dict[str, Any]) -> set[str]:
+    """Return the dropped words whose meaning the changed fields of a query hold: "stop alongside him"."""
+    referent = changes.get("referent")
+    named = (referent.noun, referent.colour, *referent.qualifiers) if referent else ()
+    meanings = {changes.get("relation"), changes.get("action"), *named}
+    pairs = zip(reading.tokens, [*reading.tokens[1:], None], strict=True)
+    negated = {one.text for one, following in pairs if following is not None and _negates(following)}
+    dropped = (one for one in reading.tokens if one.text in reading.dropped and one.text not in negated)
+    return {one.text for one in dropped if meanings & {one.value, one.state or one.value}}
+
 
 
 def _is_commanded(step: Query, before: Query, after: Query) -> bool:

@@ -83,7 +83,9 @@ class _Choice(NamedTuple):
 def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Resolution:
     """Resolve the referent of a query, with at most `limit` candidates."""
     named = _normalise(query)
-    sought = _by_vehicle(named, scene)
+    beside = _by_vehicle(named)
+    people = "person" in scene.table.class_names
+    sought = named if people else beside or named
     referent = sought.referent
     if referent is None:
         return (
@@ -97,6 +99,9 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
     scores = score_objects(sought, referent, scene)
     num_matches = int(scores.matches.sum())
     choices = _rank_choices(sought, referent, scene, scores) if num_matches else []
+    if not choices and beside is not None and people:
+        found = resolve(beside, scene, limit)
+        return replace(found, reasons=(f"no '{referent.phrase()}' is seen: its place is at the vehicle", *found.reasons))
     if not choices:
         return _not_found(sought, referent, scene, scores, limit)
     if find_ordinals(referent.qualifiers) and scores.probability[choices[0].row] < _LEAST_ORDINAL_PROBABILITY:
@@ -194,14 +199,11 @@ def _normalise(query: Query) -> Query:
     return replace(query, secondary=_without(riders, secondary))
 
 
-def _by_vehicle(query: Query, scene: SceneModel) -> Query:
-    """Return the query with the vehicle by which a person is described, where no people are known."""
-    referent = query.referent
-    if referent is None or referent.noun not in PERSON_NOUNS or "person" in scene.table.class_names:
-        return query
+def _by_vehicle(query: Query) -> Query | None:
+    """Return the query with the vehicle by which its person is described; None if there is none."""
     beside = [one for one in query.secondary if one.of == "referent" and one.noun in VEHICLE_NOUNS][:1]
-    if not beside:
-        return query
+    if query.referent is None or query.referent.noun not in PERSON_NOUNS or not beside:
+        return None
     return replace(query, referent=to_referent(beside[0]), secondary=_without(beside, query.secondary))
 
 
