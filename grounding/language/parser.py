@@ -21,6 +21,7 @@ from grounding.language.side_clauses import Split, asks_for_place, said_whole, s
 from grounding.language.syntax.clauses import split_clauses
 from grounding.language.syntax.fragments import complete_fragment, complete_last_sentence, drop_opinion, split_run_ons
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon
+from grounding.language.syntax.quantities import named_manners, unheld_amounts
 from grounding.language.syntax.tagging.tagger import tag
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token, Tokenised, normalise, tokenise_all
 from grounding.language.syntax.word_categories import WordCategory
@@ -166,7 +167,7 @@ class _Analysis:
             query,
             score,
             self.way.tokens,
-            tuple(_notes(self.way)),
+            tuple(_notes(self.way, query)),
             problem,
             steps=_steps_of(query, self.built),
             dropped=account.dropped,
@@ -223,10 +224,14 @@ def _opposites(corrections: Sequence[tuple[str, str]]) -> list[str]:
     return [written for written, read in corrections if written in (f"un{read}", f"non{read}", f"in{read}")]
 
 
-def _notes(way: Tokenised) -> list[str]:
+def _notes(way: Tokenised, query: Query) -> list[str]:
     """Return notes on corrected and on ignored words."""
     notes = [f"'{written}' was read as '{read}'" for written, read in way.corrections]
     unknown = [token.written for token in way.tokens if token.category is WordCategory.UNKNOWN]
     if unknown:
         notes.append("not understood and left out: " + ", ".join(f"'{word}'" for word in unknown[:8]))
+    paced = query.action == "slow_down" or query.pace is not None
+    untold = [*unheld_amounts(way.tokens), *([] if paced else named_manners(way.tokens))]
+    if query.action is not None and untold:
+        notes.append(f"a time, a speed, a limit or a manner is not planned: {', '.join(map(repr, untold))}")
     return notes

@@ -155,15 +155,15 @@ def _ask_antecedent(query: Query, scene: SceneModel, limit: int) -> Resolution:
     any_vehicle = query.sought or Referent("vehicle", query.unresolved)
     reason = f"'{query.unresolved}' refers to nothing that was named"
     scores = score_objects(query, any_vehicle, scene) if scene.objects else None
-    choices = _rank_choices(query, any_vehicle, scene, scores)[:limit] if scores and scores.matches.any() else []
+    choices = _rank_choices(query, any_vehicle, scene, scores) if scores and scores.matches.any() else []
     if scores is None or not choices:
         return Resolution("not_found", (), (reason,))
-    candidates = _candidates(choices, scene, scores)
+    candidates = _candidates(_without_chains(choices)[:limit], scene, scores)
     if len(candidates) == 1:
         described = describe_one(candidates[0].item, scene)
         return Resolution("ambiguous", candidates, (reason,), f"do you mean {described}?", (described,))
-    differences = describe_differences([(one.item,) for one in candidates], scene)
-    return Resolution("ambiguous", candidates, (reason,), compose_question(differences), differences)
+    asked = _ambiguous(any_vehicle, candidates, len(candidates), scene, scores)
+    return replace(asked, reasons=(reason,))
 
 
 def resolve_exclusions(query: Query, scene: SceneModel) -> tuple[tuple[LandmarkRelation, SceneObject], ...]:
