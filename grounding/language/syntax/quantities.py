@@ -70,6 +70,8 @@ def merge_quantities(tokens: Sequence[Token]) -> list[Token]:
             qualifying = (WordCategory.ANY, WordCategory.EXTRA, WordCategory.ABOUT)
             while has_number and merged and merged[-1].category in qualifying:
                 merged.pop()  # "a good 15 metres"
+            if has_number and merged and merged[-1].text == "by":
+                merged.pop()  # "reverse by five metres"
             if has_number and merged and merged[-1].text in _LIMITS:  # "in the next 50 metres" limits the place
                 while merged and merged[-1].category in _BEFORE_LIMIT:
                     merged.pop()
