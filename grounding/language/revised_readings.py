@@ -150,7 +150,6 @@ def _used_words(reading: Reading, changes: dict[str, Any]) -> set[str]:
     return {one.text for one in dropped if meanings & {one.value, one.state or one.value}}
 
 
-
 def _is_commanded(step: Query, before: Query, after: Query) -> bool:
     """Return whether a step is still one of a command's actions; one that only awaits an event never was."""
     return step.action not in before.actions or step.action in after.actions
@@ -186,4 +185,3 @@ def _place_excluded(one: Exclusion) -> str:
     """Return an excluded place in words: "next to the blue car"."""
     named = Referent(one.noun, one.noun, one.colour, one.qualifiers)
     return f"{one.relation} the {named.phrase()}".replace("_", " ")
-

@@ -18,7 +18,20 @@ from grounding.query import Query
 
 # Words of verbs of care that only warn of something; "avoid" and "keep away from" say more.
 _WARNING = frozenset(
-    ("mind", "watch", "look", "lookout", "beware", "caution", "care", "careful", "cautious", "attention", "eye", "eyes")
+    (
+        "mind",
+        "watch",
+        "look",
+        "lookout",
+        "beware",
+        "caution",
+        "care",
+        "careful",
+        "cautious",
+        "attention",
+        "eye",
+        "eyes",
+    )
 ) | {"aware", "alert", "wary", "mindful", "attentive"}
 # Actions that ask for care and no place, and so are at one with a warning.
 _CAREFUL = ("slow_down", "wait", "give_way", "avoid")

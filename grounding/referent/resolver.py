@@ -101,7 +101,9 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
     choices = _rank_choices(sought, referent, scene, scores) if num_matches else []
     if not choices and beside is not None and people:
         found = resolve(beside, scene, limit)
-        return replace(found, reasons=(f"no '{referent.phrase()}' is seen: its place is at the vehicle", *found.reasons))
+        return replace(
+            found, reasons=(f"no '{referent.phrase()}' is seen: its place is at the vehicle", *found.reasons)
+        )
     if not choices:
         return _not_found(sought, referent, scene, scores, limit)
     if find_ordinals(referent.qualifiers) and scores.probability[choices[0].row] < _LEAST_ORDINAL_PROBABILITY:

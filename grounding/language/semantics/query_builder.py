@@ -256,14 +256,12 @@ def _landmarks(
             if other is referent or other.kind == "pronoun":
                 yield _landmark(person, relation, "inverse")
     for relation, named in referent.related if referent is not None else ():
-        thing = _other_vehicle(discourse, referent, named) if named.kind == "pronoun" else named
-        if thing is not None and thing is not referent and relation not in _NOT_SPATIAL and _is_landmark(thing):
-            yield _landmark(thing, relation, "referent")
+        beside = _other_vehicle(discourse, referent, named) if named.kind == "pronoun" else named
+        if beside is not None and beside is not referent and relation not in _NOT_SPATIAL and _is_landmark(beside):
+            yield _landmark(beside, relation, "referent")
 
 
-def _other_vehicle(
-    discourse: Discourse, referent: NounPhrase | None, pronoun: NounPhrase
-) -> NounPhrase | None:
+def _other_vehicle(discourse: Discourse, referent: NounPhrase | None, pronoun: NounPhrase) -> NounPhrase | None:
     """Return the vehicle named before a pronoun that is not the one it describes: "the car in front of it"."""
     mentions = [one for one, _ in discourse.mentions]
     before = mentions[: mentions.index(pronoun)] if pronoun in mentions else []

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import HEADS, MODIFIERS, WordCategory
 
-
 # Words for a manner of driving; those for care ("safely") ask for nothing else than is done anyway.
 _MANNERS = ("slow", "slowly", "quick", "quickly", "fast", "gently", "gradually", "softly", "smoothly")
 # Categories of which a number before them counts.
