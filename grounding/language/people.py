@@ -1,4 +1,4 @@
-"""People in a reading: what they wear, whether they drive, and whether they are to get in."""
+"""People in a reading: what they wear, and whether they are to get in."""
 
 from __future__ import annotations
 
@@ -10,10 +10,6 @@ from grounding.language.syntax.noun_phrases import named_clothes
 from grounding.query import Query
 from grounding.vocabulary import RELATIONS
 
-# Actions for other traffic, and where only a vehicle is.
-_TRAFFIC_ACTIONS = ("give_way", "follow", "overtake")
-_TRAFFIC_PLACES = frozenset(("behind_ego", "own_lane", "left_lane", "right_lane", "other_lane", "oncoming"))
-
 
 def with_people(reading: Reading) -> Reading:
     """Return a reading with what its words tell of the person that it is about."""
@@ -22,8 +18,6 @@ def with_people(reading: Reading) -> Reading:
         return _changed(reading, action="stop", relation="next_to", landmark="referent", trigger=None)
     if query.referent is None or query.referent.noun != "person":
         return reading
-    if _drives(reading):
-        return _changed(reading, referent=replace(query.referent, noun="vehicle"))
     if query.referent.colour or query.referent.clothes:
         return reading
     return _changed(reading, referent=replace(query.referent, clothes=named_clothes(reading.tokens)))
@@ -36,15 +30,6 @@ def _gets_in(query: Query) -> bool:
         return False
     of = "referent" if referent.noun == "person" else "inverse"
     return any(one.of == of and one.relation in RELATIONS for one in query.secondary)
-
-
-def _drives(reading: Reading) -> bool:
-    """Return whether a person is the driver of a vehicle: "let the guy behind us overtake"."""
-    query, referent = reading.query, reading.query.referent
-    if referent is None or query.action not in _TRAFFIC_ACTIONS:
-        return False
-    moves = query.trigger == "merge" or any(token.value == "overtake" for token in reading.tokens)
-    return moves or referent.in_line or not _TRAFFIC_PLACES.isdisjoint(referent.qualifiers)
 
 
 def _changed(reading: Reading, **values: Any) -> Reading:

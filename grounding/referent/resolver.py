@@ -30,6 +30,9 @@ _TIE_FIT = 0.5
 _LEAST_ORDINAL_PROBABILITY = 0.05
 # Below the first no object fits a word; below the second the best object fits it doubtfully.
 _LACKING_FIT, _DOUBTFUL_FIT = 0.12, 0.35
+# Actions for other traffic, and places where only a vehicle is.
+_TRAFFIC_ACTIONS = ("give_way", "follow", "overtake")
+_TRAFFIC_PLACES = frozenset(("behind_ego", "own_lane", "left_lane", "right_lane", "other_lane", "oncoming"))
 # The two of a pair are this close; factor for pairs between which no car fits.
 _PAIR_SIGMA_M, _NO_ROOM, _MAX_PAIRS = 10.0, 0.1, 40
 
@@ -190,6 +193,9 @@ def _normalise(query: Query) -> Query:
     if referent.clothes and referent.colour is None:
         referent = replace(referent, colour=referent.clothes, clothes=None)  # the colour of a person on the map
         query = replace(query, referent=referent)
+    if _drives(query, referent):
+        referent = replace(referent, noun="vehicle")
+        query = replace(query, referent=referent)
     inside = [part for part in secondary if part.relation in ("on", "in")]
     if referent.noun in PERSON_NOUNS:
         ridden = [part for part in inside if part.of == "referent" and part.noun in VEHICLE_NOUNS][:1]
@@ -199,6 +205,13 @@ def _normalise(query: Query) -> Query:
             return replace(query, referent=vehicle, secondary=_without(ridden, secondary))
     riders = [part for part in inside if part.of == "inverse" and part.noun in PERSON_NOUNS]
     return replace(query, secondary=_without(riders, secondary))
+
+
+def _drives(query: Query, referent: Referent) -> bool:
+    """Return whether a person is the driver of a vehicle: "let the guy behind us overtake"."""
+    traffic = query.action in _TRAFFIC_ACTIONS and referent.noun in PERSON_NOUNS
+    placed = referent.in_line or not _TRAFFIC_PLACES.isdisjoint(referent.qualifiers)
+    return traffic and (placed or query.trigger == "merge")
 
 
 def _by_vehicle(query: Query) -> Query | None:
