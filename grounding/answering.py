@@ -273,7 +273,8 @@ def _with_sought(request: Request, scene: SceneModel) -> Request:
     if request.chosen or sought is None:
         return request
     named = replace(query, referent=sought, landmark=query.landmark or "referent", unresolved="", sought=None)
-    if resolve(named, scene).status != "ok":
+    found = resolve(named, scene).status
+    if found != "ok" and not (sought.number == 2 and found == "ambiguous"):  # which pair is asked as of any
         return request
     return replace(request, reading=request.reading.with_query(named))
 

@@ -25,6 +25,8 @@ DistanceRole = Literal["referent", "ego", "descriptor", "kerb"]
 
 # What an action without a place asks for.
 _PACES: dict[str, Pace] = {"slow_down": "slower", "wait": "standing"}
+# First words of phrases that stand for a vehicle without a noun: "whatever is closest".
+_UNNAMED = ("whatever", "whoever")
 # Phrases of qualifiers that follow the noun.
 _POSTMODIFIERS = {
     "left_side": "on the left",
@@ -100,7 +102,8 @@ class Referent:
         before = [word.replace("_", " ") for word in self.qualifiers if word not in _POSTMODIFIERS]
         after = [_POSTMODIFIERS[word] for word in self.qualifiers if word in _POSTMODIFIERS]
         worn = f"in {self.clothes}" if self.clothes else ""
-        return " ".join(word for word in (*before, self.colour or "", self.head, worn, *after) if word)
+        head = self.noun if self.head.startswith(_UNNAMED) else self.head
+        return " ".join(word for word in (*before, self.colour or "", head, worn, *after) if word)
 
 
 @dataclass(frozen=True)

@@ -151,23 +151,27 @@ def _propose_with(query: Query, road: RoadMap, item: SceneObject, partner: Scene
     if relation == "none":
         if action in ("wait", "give_way", "turn") or (action == "other" and query.direction):
             return _propose_alone(query, road)
-        if action in ("slow_down", "avoid"):
-            return _propose_short_of(road, item)
+        walks = item.class_name == "person" and item.is_standing is False  # "stop for the man crossing"
+        if action in ("slow_down", "avoid") or (action == "stop" and walks):
+            return _propose_short_of(query, road, item)
         return propose_relation(_RELATION_OF[action], query, road, item)
     return propose_relation(relation, query, road, item)
 
 
-def _propose_short_of(road: RoadMap, item: SceneObject) -> Proposal:
-    """Return candidates in the ego lane short of a vehicle that is in our way."""
+def _propose_short_of(query: Query, road: RoadMap, item: SceneObject) -> Proposal:
+    """Return candidates in the ego lane short of a vehicle that is in our way, by the distance that is named."""
+    named = query.distance_m if query.distance_of == "referent" else None
+    short_m = _SHORT_OF_M if named is None else named
     reference = ReferenceVehicle(item, road, 0.0)
     along, lateral = reference.lane_position
     half_length = reference.half_extent_m(reference.travel_rad)
     half_width = reference.half_extent_m(reference.travel_rad + np.pi / 2)
-    if not reference.beside_ego_lane or along < 0 or abs(lateral) - half_width > _IN_OUR_WAY_M:
+    aside = not reference.beside_ego_lane or abs(lateral) - half_width > _IN_OUR_WAY_M
+    if along < 0 or (aside and query.action != "stop"):
         return ego_lane.propose_in_lane(road, _SLOW_M, "in our lane"), ["it is not in our way"]
     most = along - half_length - road.ego.length_m / 2 - 1.0
-    preferred = max(most - _SHORT_OF_M + 1.0, 0.0)
-    words = f"in our lane, {_SHORT_OF_M:.0f} m short of it"
+    preferred = max(most - short_m + 1.0, 0.0)
+    words = f"in our lane, {short_m:.0f} m short of it"
     return ego_lane.propose_in_lane(road, DistanceRange(min(0.0, most), preferred, max(most, 0.4)), words), []
 
 

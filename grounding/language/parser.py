@@ -9,17 +9,19 @@ from itertools import islice
 
 from grounding.language.ambiguity import MAX_READINGS, list_alternatives
 from grounding.language.between import with_both_ends
+from grounding.language.people import with_people
 from grounding.language.problems import ParseProblem, check_type, find_problem
-from grounding.language.reading import Reading
+from grounding.language.reading import Reading, compose_doubt
 from grounding.language.revised_readings import revise_readings
 from grounding.language.semantics.accounting import Account, account_for
 from grounding.language.semantics.contrasts.rules import has_partial_repair, resolve_contrasts
 from grounding.language.semantics.discourse.interpreter import interpret
 from grounding.language.semantics.query_builder import BuiltQuery, build_query
+from grounding.language.side_clauses import Split, asks_for_place, said_whole, split_reasons, split_warning
 from grounding.language.syntax.clauses import split_clauses
 from grounding.language.syntax.fragments import complete_fragment, complete_last_sentence, drop_opinion, split_run_ons
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon
-from grounding.language.syntax.noun_phrases import named_clothes
+from grounding.language.syntax.quantities import named_manners, unheld_amounts
 from grounding.language.syntax.tagging.tagger import tag
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token, Tokenised, normalise, tokenise_all
 from grounding.language.syntax.word_categories import WordCategory
@@ -71,6 +73,17 @@ def parse_all(
     normalised, words = normalise(text), lexicon or default_lexicon()
     most = max(1, min(_MAX_WAYS, _MAX_CHARACTERS_READ // (len(normalised) + 1)))
     ways = tokenise_all(normalised, words, most)
+    tagged = tag(ways[0].tokens)
+
+    def read_without(side: Split) -> tuple[Reading, ...]:
+        rest = parse_all(side.command, lexicon, antecedent, verb, revised=revised)
+        return tuple(said_whole(one, text) for one in rest)
+
+    if (warning := split_warning(normalised, tagged)) is not None:
+        rest = read_without(warning)
+        if asks_for_place(rest[0].query):
+            heeded = f"'{warning.beside}' is heeded on the way, and tells no place"
+            return tuple(replace(one, notes=(*one.notes, heeded)) for one in rest)
     likely = [_Analysis(text, way, antecedent, verb) for way in ways if way.cost <= ways[0].cost + _MAX_LOSS]
     # Words that are all known as they are written are not corrected into a command.
     likely = likely[:1] if _is_clean(ways[0]) else likely
@@ -88,18 +101,18 @@ def parse_all(
     if not (revised and alone):
         return readings
     first, *others = revise_readings(readings, ways[0].tokens)
+    if not first.problem and (first.doubt or first.revised):
+        for side in split_reasons(normalised, tagged):
+            first_of_rest, *_ = rest = read_without(side)
+            if first_of_rest.query.action == first.query.action and _is_plain(first_of_rest):
+                return tuple(replace(one, dropped=(*one.dropped, side.beside)) for one in rest)
     read = partial(parse, lexicon=words, revised=False)
-    return (_dressed(with_both_ends(first, normalised, read)), *others)
+    return (with_people(with_both_ends(first, normalised, read)), *others)
 
 
-def _dressed(reading: Reading) -> Reading:
-    """Return a reading with the clothes of its person: "She's in the orange coat. Stop by her"."""
-    referent = reading.query.referent
-    if referent is None or referent.noun != "person" or referent.colour or referent.clothes:
-        return reading
-    dressed = replace(referent, clothes=named_clothes(reading.tokens))
-    steps = tuple(replace(one, referent=dressed) if one.referent == referent else one for one in reading.steps)
-    return replace(reading, query=replace(reading.query, referent=dressed), steps=steps)
+def _is_plain(reading: Reading) -> bool:
+    """Return whether a command is understood whole."""
+    return not (reading.problem or reading.doubt or reading.dropped or reading.query.unresolved)
 
 
 def _is_clean(way: Tokenised) -> bool:
@@ -154,11 +167,12 @@ class _Analysis:
             query,
             score,
             self.way.tokens,
-            tuple(_notes(self.way)),
+            tuple(_notes(self.way, query)),
             problem,
             steps=_steps_of(query, self.built),
             dropped=account.dropped,
-            doubt=_compose_doubt(doubtful) or self._doubt_noun(),
+            doubt=compose_doubt(doubtful) or self._doubt_noun(),
+            doubtful=tuple(doubtful),
             doubts_strange=bool(doubtful) and doubtful == [*account.strange],
             corrections=self.way.corrections,
         )
@@ -210,16 +224,14 @@ def _opposites(corrections: Sequence[tuple[str, str]]) -> list[str]:
     return [written for written, read in corrections if written in (f"un{read}", f"non{read}", f"in{read}")]
 
 
-def _compose_doubt(doubtful: Sequence[str]) -> str:
-    """Return the question about dropped words, '' without any."""
-    words = ", ".join(f"'{word}'" for word in doubtful)
-    return f"{words} was not understood: could you say it in other words?" if words else ""
-
-
-def _notes(way: Tokenised) -> list[str]:
+def _notes(way: Tokenised, query: Query) -> list[str]:
     """Return notes on corrected and on ignored words."""
     notes = [f"'{written}' was read as '{read}'" for written, read in way.corrections]
     unknown = [token.written for token in way.tokens if token.category is WordCategory.UNKNOWN]
     if unknown:
         notes.append("not understood and left out: " + ", ".join(f"'{word}'" for word in unknown[:8]))
+    paced = query.action == "slow_down" or query.pace is not None
+    untold = [*unheld_amounts(way.tokens), *([] if paced else named_manners(way.tokens))]
+    if query.action is not None and untold:
+        notes.append(f"a time, a speed, a limit or a manner is not planned: {', '.join(map(repr, untold))}")
     return notes

@@ -8,6 +8,7 @@ from itertools import islice
 
 from appocc.errors import AppoccError
 from grounding.language.syntax.lexicon import Lexicon
+from grounding.language.syntax.quantities import unheld_amounts
 from grounding.language.syntax.spelling import suggest_word
 from grounding.language.syntax.tokenizer import Token, normalise
 from grounding.language.syntax.word_categories import WordCategory
@@ -71,6 +72,8 @@ def find_problem(
     if all(token.category in (WordCategory.UNKNOWN, *_FUNCTION_WORDS) for token in tokens):
         message = f"no word of it is understood: expected a command such as '{_EXAMPLE}'"
         return ParseProblem(message, unreadable=not any(token.text in common_words() for token in tokens))
+    if figures := unheld_amounts(tokens):
+        return ParseProblem(f"no driving action in it: '{figures[0]}' cannot be set, say 'slower' or 'faster'")
     first = next(token for token in tokens if token.category not in _FUNCTION_WORDS)
     if first.category is WordCategory.QUESTION:
         return ParseProblem(f"a question is no driving command; {ANSWERABLE}", first.start, first.end)

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 from grounding.language.problems import ParseProblem
 from grounding.language.syntax.tokenizer import Token
 from grounding.query import Query
+
+
+def compose_doubt(doubtful: Sequence[str]) -> str:
+    """Return the question about dropped words, '' without any."""
+    words = ", ".join(f"'{word}'" for word in doubtful)
+    return f"{words} was not understood: could you say it in other words?" if words else ""
 
 
 @dataclass(frozen=True)
@@ -23,6 +30,7 @@ class Reading:
         dropped: content words that the reading does not use, in order.
         doubt: question about dropped words without which the place may be the wrong one, to be asked before the
             reading is acted upon; '' if there is none.
+        doubtful: the words that the question is about; () if it is about another thing.
         doubts_strange: whether it doubts only words that no lexicon holds.
         corrections: words as written and as read, where they differ.
         revised: (field, value of the grammar, value now) of each field that the reader network changed.
@@ -36,6 +44,7 @@ class Reading:
     steps: tuple[Query, ...] = ()
     dropped: tuple[str, ...] = ()
     doubt: str = ""
+    doubtful: tuple[str, ...] = ()
     doubts_strange: bool = False
     corrections: tuple[tuple[str, str], ...] = ()
     revised: tuple[tuple[str, str, str], ...] = ()
@@ -43,6 +52,13 @@ class Reading:
     def __post_init__(self) -> None:
         """Take the query as the only step if none are given."""
         object.__setattr__(self, "steps", self.steps or (self.query,))
+
+    def without_dropped(self, used: Collection[str]) -> Reading:
+        """Return the reading, of whose dropped words some are used after all: they are neither told nor doubted."""
+        doubtful = tuple(word for word in self.doubtful if word not in used)
+        doubt = compose_doubt(doubtful) if self.doubtful else self.doubt
+        dropped = tuple(word for word in self.dropped if word not in used)
+        return replace(self, dropped=dropped, doubt=doubt, doubtful=doubtful)
 
     def with_query(self, query: Query) -> Reading:
         """Return the reading with another query, as its only step."""

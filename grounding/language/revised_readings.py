@@ -12,7 +12,7 @@ from grounding.language.reader.revision import Evidence, Revision
 from grounding.language.reading import Reading
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import POLARITY, WordCategory
-from grounding.query import Query
+from grounding.query import Exclusion, Query, Referent
 from grounding.vocabulary import REFUSED
 
 # Least probability of a reading that is acted upon unasked: a wrong goal costs as much as two needless questions.
@@ -159,7 +159,19 @@ def _changed(reading: Reading, changes: dict[str, Any], revision: Revision) -> R
     if len(steps) < len(reading.steps) and len(left) == 1:  # it takes over the place of the removed step
         i = left[0]
         steps = (*steps[:i], replace(query, trigger=steps[i].trigger), *steps[i + 1 :])
-    return replace(reading, query=query, steps=steps, revised=revision.changed)
+    revised = replace(reading, query=query, steps=steps, revised=revision.changed)
+    return revised.without_dropped(_used_words(reading, changes))
+
+
+def _used_words(reading: Reading, changes: dict[str, Any]) -> set[str]:
+    """Return the dropped words whose meaning the changed fields of a query hold: "stop alongside him"."""
+    referent = changes.get("referent")
+    named = (referent.noun, referent.colour, *referent.qualifiers) if referent else ()
+    meanings = {changes.get("relation"), changes.get("action"), *named}
+    pairs = zip(reading.tokens, [*reading.tokens[1:], None], strict=True)
+    negated = {one.text for one, following in pairs if following is not None and _negates(following)}
+    dropped = (one for one in reading.tokens if one.text in reading.dropped and one.text not in negated)
+    return {one.text for one in dropped if meanings & {one.value, one.state or one.value}}
 
 
 def _is_commanded(step: Query, before: Query, after: Query) -> bool:
@@ -192,4 +204,12 @@ def _phrase(query: Query) -> str:
     part = query.secondary[0].noun.replace("_", " ") if query.landmark == "secondary" and query.secondary else ""
     thing = f"the {part}" if part else ""
     side = f"on the {query.goal_side}" if query.goal_side else _ROAD_SIDES.get(query.road_side or "", "")
-    return " ".join(word for word in (action, query.direction or "", relation, vehicle, thing, side) if word)
+    words = " ".join(word for word in (action, query.direction or "", relation, vehicle, thing, side) if word)
+    excluded = [one for one in query.excluded if one.relation is not None]
+    return f"{words}, not {' or '.join(map(_place_excluded, excluded))}" if excluded else words
+
+
+def _place_excluded(one: Exclusion) -> str:
+    """Return an excluded place in words: "next to the blue car"."""
+    named = Referent(one.noun, one.noun, one.colour, one.qualifiers)
+    return f"{one.relation} the {named.phrase()}".replace("_", " ")

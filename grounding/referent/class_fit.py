@@ -61,7 +61,7 @@ _HEIGHT_STD_M = 0.12
 _NAMED_EXPONENT = 0.7
 # On predicted maps parked cars merge and distant cars are truncated, so any length may be a car.
 _LEAST_CAR_FIT = 0.3
-# Least fit of a car with another body style than the one named.
+# Least fit of a car or a truck with another body style than the one named.
 _OTHER_BODY_FIT = 0.15
 # Head words that name a second class: a "wagon" is an estate car, or a lorry.
 _SECOND_CLASSES = {"bike": "bicycle", "wagon": "truck", "wagons": "truck"}
@@ -117,7 +117,8 @@ def _adjust_by_size(noun: str, head: str, fit: FloatArray, table: ObjectTable) -
         fit = np.where(car, 0.2 * np.where(np.isnan(height), 0, tall), fit)
         if head.startswith(_PICKUPS):
             return np.where(truck, falling(length, 6.3, 0.2) * fill_unknown(falling(height, 2.3, 0.1)), 0.3 * fit)
-        return np.where(truck, 0.1 + 0.9 * rising(length, 5.9, 0.1), fit) if head in _HEAVY_TRUCKS else fit
+        heavy = _OTHER_BODY_FIT + (1 - _OTHER_BODY_FIT) * rising(length, 5.9, 0.1)
+        return np.where(truck, heavy, fit) if head in _HEAVY_TRUCKS else fit
     if noun == "car":
         fit = np.where(car, fit * (1 - 0.6 * np.where(np.isnan(height), 0, rising(height, 2.0, 0.05))), fit)
         if head in _SUVS:

@@ -122,10 +122,10 @@ def _is_parked(table: ObjectTable) -> FloatArray:
 
 
 def _is_stopped(table: ObjectTable) -> FloatArray:
-    """Return the degree (N,) to which objects stand or decelerate at low speed."""
+    """Return the degree (N,) to which objects stand or decelerate at low speed; in the ego lane none is parked."""
     slowing = rising(-table.acceleration_mps2, 1.0, 0.2) * falling(table.speed_mps, 3.0, 0.4)
     slow = fill_unknown(falling(table.speed_mps, 1.0, 0.35))
-    return np.maximum(slow, 0.7 * np.nan_to_num(slowing))
+    return np.maximum(slow, 0.7 * np.nan_to_num(slowing)) * (0.6 + 0.4 * in_own_lane(table))
 
 
 def _is_oncoming(table: ObjectTable) -> FloatArray:

@@ -30,6 +30,9 @@ _TIE_FIT = 0.5
 _LEAST_ORDINAL_PROBABILITY = 0.05
 # Below the first no object fits a word; below the second the best object fits it doubtfully.
 _LACKING_FIT, _DOUBTFUL_FIT = 0.12, 0.35
+# Actions for other traffic, and places where only a vehicle is.
+_TRAFFIC_ACTIONS = ("give_way", "follow", "overtake")
+_TRAFFIC_PLACES = frozenset(("behind_ego", "own_lane", "left_lane", "right_lane", "other_lane", "oncoming"))
 # The two of a pair are this close; factor for pairs between which no car fits.
 _PAIR_SIGMA_M, _NO_ROOM, _MAX_PAIRS = 10.0, 0.1, 40
 
@@ -83,7 +86,9 @@ class _Choice(NamedTuple):
 def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Resolution:
     """Resolve the referent of a query, with at most `limit` candidates."""
     named = _normalise(query)
-    sought = _by_vehicle(named, scene)
+    beside = _by_vehicle(named)
+    people = "person" in scene.table.class_names
+    sought = named if people else beside or named
     referent = sought.referent
     if referent is None:
         return (
@@ -97,6 +102,11 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
     scores = score_objects(sought, referent, scene)
     num_matches = int(scores.matches.sum())
     choices = _rank_choices(sought, referent, scene, scores) if num_matches else []
+    if not choices and beside is not None and people:
+        found = resolve(beside, scene, limit)
+        return replace(
+            found, reasons=(f"no '{referent.phrase()}' is seen: its place is at the vehicle", *found.reasons)
+        )
     if not choices:
         return _not_found(sought, referent, scene, scores, limit)
     if find_ordinals(referent.qualifiers) and scores.probability[choices[0].row] < _LEAST_ORDINAL_PROBABILITY:
@@ -164,15 +174,15 @@ def _ask_antecedent(query: Query, scene: SceneModel, limit: int) -> Resolution:
     any_vehicle = query.sought or Referent("vehicle", query.unresolved)
     reason = f"'{query.unresolved}' refers to nothing that was named"
     scores = score_objects(query, any_vehicle, scene) if scene.objects else None
-    choices = _rank_choices(query, any_vehicle, scene, scores)[:limit] if scores and scores.matches.any() else []
+    choices = _rank_choices(query, any_vehicle, scene, scores) if scores and scores.matches.any() else []
     if scores is None or not choices:
         return Resolution("not_found", (), (reason,))
-    candidates = _candidates(choices, scene, scores)
+    candidates = _candidates(_without_chains(choices)[:limit], scene, scores)
     if len(candidates) == 1:
         described = describe_one(candidates[0].item, scene)
         return Resolution("ambiguous", candidates, (reason,), f"do you mean {described}?", (described,))
-    differences = describe_differences([(one.item,) for one in candidates], scene)
-    return Resolution("ambiguous", candidates, (reason,), compose_question(differences), differences)
+    asked = _ambiguous(any_vehicle, candidates, len(candidates), scene, scores)
+    return replace(asked, reasons=(reason,))
 
 
 def resolve_exclusions(query: Query, scene: SceneModel) -> tuple[tuple[LandmarkRelation, SceneObject], ...]:
@@ -197,6 +207,9 @@ def _normalise(query: Query) -> Query:
     if referent.clothes and referent.colour is None:
         referent = replace(referent, colour=referent.clothes, clothes=None)  # the colour of a person on the map
         query = replace(query, referent=referent)
+    if _drives(query, referent):
+        referent = replace(referent, noun="vehicle")
+        query = replace(query, referent=referent)
     inside = [part for part in secondary if part.relation in ("on", "in")]
     if referent.noun in PERSON_NOUNS:
         ridden = [part for part in inside if part.of == "referent" and part.noun in VEHICLE_NOUNS][:1]
@@ -208,14 +221,18 @@ def _normalise(query: Query) -> Query:
     return replace(query, secondary=_without(riders, secondary))
 
 
-def _by_vehicle(query: Query, scene: SceneModel) -> Query:
-    """Return the query with the vehicle by which a person is described, where no people are known."""
-    referent = query.referent
-    if referent is None or referent.noun not in PERSON_NOUNS or "person" in scene.table.class_names:
-        return query
+def _drives(query: Query, referent: Referent) -> bool:
+    """Return whether a person is the driver of a vehicle: "let the guy behind us overtake"."""
+    traffic = query.action in _TRAFFIC_ACTIONS and referent.noun in PERSON_NOUNS
+    placed = referent.in_line or not _TRAFFIC_PLACES.isdisjoint(referent.qualifiers)
+    return traffic and (placed or query.trigger == "merge")
+
+
+def _by_vehicle(query: Query) -> Query | None:
+    """Return the query with the vehicle by which its person is described; None if there is none."""
     beside = [one for one in query.secondary if one.of == "referent" and one.noun in VEHICLE_NOUNS][:1]
-    if not beside:
-        return query
+    if query.referent is None or query.referent.noun not in PERSON_NOUNS or not beside:
+        return None
     return replace(query, referent=to_referent(beside[0]), secondary=_without(beside, query.secondary))
 
 

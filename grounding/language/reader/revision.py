@@ -17,7 +17,7 @@ import numpy as np
 
 from grounding.language.reader.fields import FIELDS, NONE, QUALIFIERS, VEHICLES
 from grounding.language.reader.network import Numbers, Prediction
-from grounding.query import Exclusion, Landmark, Query, Referent
+from grounding.query import Landmark, Query, Referent
 from grounding.vocabulary import REFUSED, Action
 
 # Least probability of a value that counts.
@@ -230,8 +230,9 @@ def _with_values(query: Query, values: Mapping[str, str], prediction: Prediction
         if any(part.of == "referent" and part.colour == values["colour"] for part in query.secondary):
             values = {**values, "colour": NONE}  # the colour of the vehicle beside the person
     referent = _referent(query.referent, values, _own_qualifiers(query, prediction), prediction.head)
-    if referent is not None and _is_excluded(referent, query.excluded) and referent != query.referent:
-        referent = query.referent  # the command excludes the other one
+    if referent is not None and _is_excluded(referent, query) and referent != query.referent:
+        # The command excludes the other one, and the place at it.
+        referent, values = query.referent, {**values, "relation": query.relation}
     action: Any = values["action"]
     relation: Any = values["relation"]
     direction: Any = None if values["direction"] == NONE else values["direction"]
@@ -293,14 +294,14 @@ def _referent(
     )
 
 
-def _is_excluded(referent: Referent, excluded: tuple[Exclusion, ...]) -> bool:
-    """Return whether a command rules out just such a vehicle."""
+def _is_excluded(referent: Referent, query: Query) -> bool:
+    """Return whether a command rules out just such a vehicle; one that names no other, also a place at it."""
     return any(
-        one.relation is None
+        (one.relation is None or query.referent is None)
         and one.noun in (referent.noun, "vehicle")
         and one.colour in (None, referent.colour)
         and {*one.qualifiers} <= {*referent.qualifiers}
-        for one in excluded
+        for one in query.excluded
     )
 
 

@@ -14,7 +14,7 @@ from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import LIGHT_VERBS, MODIFIERS, NOUNS, POLARITY, WordCategory
 
 # Categories whose words place the goal or choose the vehicle.
-_PLACING = frozenset(
+PLACING = frozenset(
     (
         WordCategory.NOUN,
         WordCategory.COLOUR,
@@ -32,7 +32,7 @@ _PLACING = frozenset(
 _STEERING = (WordCategory.LANE, WordCategory.SIDE)
 _CONTENT = (
     POLARITY
-    | _PLACING
+    | PLACING
     | MODIFIERS
     | NOUNS
     | {
@@ -190,9 +190,9 @@ def _is_doubtful(tokens: Sequence[Token], i: int) -> bool:
         joint = WordCategory.COLOUR in (before, following)  # "the black and yellow taxi"
         named = next((token.category for token in tokens[i:] if token.category not in MODIFIERS), WordCategory.BREAK)
         predicate = category is WordCategory.COLOUR and named in _CLAUSE_ENDS
-        return category in _PLACING and not joint and (predicate or named in (WordCategory.NOUN, WordCategory.ONE))
+        return category in PLACING and not joint and (predicate or named in (WordCategory.NOUN, WordCategory.ONE))
     # "The tram tracks", "the bus stop": the noun is part of a name.
-    return category in _PLACING and not (category is WordCategory.NOUN and following in NOUNS)
+    return category in PLACING and not (category is WordCategory.NOUN and following in NOUNS)
 
 
 def _category_at(tokens: Sequence[Token], i: int) -> WordCategory:

@@ -108,7 +108,7 @@ def _query(
     """Return the query about one intent, with the arguments that other intents add to it."""
     frame = main.intent.frame
     relation, referent = _goal_relation(discourse, commands, main)
-    secondary = tuple(_landmarks(commands, main.intent, referent))
+    secondary = tuple(_landmarks(discourse, commands, main.intent, referent))
     landmark: Anchor | None = (
         "secondary" if frame.inverse_relation is not None else "referent" if referent is not None else None
     )
@@ -238,7 +238,9 @@ def _places_by_vehicle(discourse: Discourse) -> Iterator[tuple[str, NounPhrase]]
             yield from ((relation, other) for relation, other in phrase.related if other.kind == "vehicle")
 
 
-def _landmarks(intents: Sequence[Intent], main: Intent, referent: NounPhrase | None) -> Iterator[Landmark]:
+def _landmarks(
+    discourse: Discourse, intents: Sequence[Intent], main: Intent, referent: NounPhrase | None
+) -> Iterator[Landmark]:
     """Yield the landmarks of all frames (those of the main intent first), of a person and of the referent."""
     others = (intent for intent in intents if intent is not main and intent.frame is not main.frame)
     for intent in (main, *others):
@@ -267,9 +269,18 @@ def _landmarks(intents: Sequence[Intent], main: Intent, referent: NounPhrase | N
         for relation, other in person.related:  # "the pedestrians behind it"
             if other is referent or other.kind == "pronoun":
                 yield _landmark(person, relation, "inverse")
-    for relation, thing in referent.related if referent is not None else ():
-        if thing is not referent and relation not in _NOT_SPATIAL and _is_landmark(thing):
-            yield _landmark(thing, relation, "referent")
+    for relation, other in referent.related if referent is not None else ():
+        beside = _other_vehicle(discourse, referent, other) if other.kind == "pronoun" else other
+        if beside is not None and beside is not referent and relation not in _NOT_SPATIAL and _is_landmark(beside):
+            yield _landmark(beside, relation, "referent")
+
+
+def _other_vehicle(discourse: Discourse, referent: NounPhrase | None, pronoun: NounPhrase) -> NounPhrase | None:
+    """Return the vehicle named before a pronoun that is not the one it describes: "the car in front of it"."""
+    mentions = [one for one, _ in discourse.mentions]
+    before = mentions[: mentions.index(pronoun)] if pronoun in mentions else []
+    others = (one for one in reversed(before) if one.kind == "vehicle" and one is not referent)
+    return next(others, None)
 
 
 def _thing_meant(intent: Intent) -> NounPhrase | None:
@@ -335,8 +346,10 @@ def _referent(
 ) -> Referent:
     """Return the referent with colour, qualifiers and attributes of all coreferent noun phrases."""
     whole = replace(phrase, qualifiers=list(phrase.qualifiers), extra=list(phrase.extra))
-    for other, role in discourse.mentions:
-        if other is not phrase and role in ("stated", "event") and may_corefer(phrase, other):
+    beside = [_other_vehicle(discourse, phrase, one) for _, one in phrase.related if one.kind == "pronoun"]
+    others = [(one, role) for one, role in discourse.mentions if one is not phrase and one not in beside]
+    for other, role in others:
+        if role in ("stated", "event") and may_corefer(phrase, other):
             whole.qualifiers += [word for word in other.qualifiers if word not in whole.qualifiers]
             whole.colour = whole.colour or other.colour
             whole.clothes = whole.clothes or other.clothes

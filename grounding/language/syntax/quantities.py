@@ -1,11 +1,52 @@
-"""Quantities: numbers with a unit of length become distances in metres."""
+"""Quantities: numbers with a unit of length become distances in metres; times and speeds are told."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 from grounding.language.syntax.tokenizer import Token
-from grounding.language.syntax.word_categories import WordCategory
+from grounding.language.syntax.word_categories import HEADS, MODIFIERS, WordCategory
+
+# Words for a manner of driving; those for care ("safely") ask for nothing else than is done anyway.
+_MANNERS = ("slow", "slowly", "quick", "quickly", "fast", "gently", "gradually", "softly", "smoothly")
+# Categories of which a number before them counts.
+_COUNTED = MODIFIERS | HEADS | {WordCategory.UNIT, WordCategory.UNKNOWN, WordCategory.OF, WordCategory.VERB}
+# Last words of phrases for a duration that the lexicon leaves out.
+_DURATIONS = ("minutes", "secs", "ticks")
+# Words before a distance that make it a limit, and the categories of the words of such a limit: "in the next".
+_LIMITS = ("next", "first", "following")
+_BEFORE_LIMIT = (WordCategory.ORDINAL, WordCategory.THE, WordCategory.RELATION)
+
+
+def unheld_amounts(tokens: Sequence[Token]) -> list[str]:
+    """Return the amounts that no query holds, as written: times, speeds, limits, and numbers that count nothing.
+
+    Args:
+        tokens: tokens of a sentence, not tagged.
+    """
+    found: list[str] = []
+    i = 0
+    while i < len(tokens):
+        end = i
+        while end < len(tokens) and _number_at(tokens, end) is not None:
+            end += 1
+        after = tokens[end].category if end < len(tokens) else WordCategory.BREAK
+        before = tokens[i - 1] if i else None
+        timed = after is WordCategory.TIME and (end > i or (before and before.category is WordCategory.ANY))
+        limits = end > i and after is WordCategory.UNIT and before is not None and before.text in _LIMITS
+        left_out = tokens[i].category is WordCategory.FILLER and tokens[i].text.split()[-1]
+        if left_out and (left_out.isdigit() or left_out in _DURATIONS):
+            found.append(tokens[i].written)
+        if timed or limits or (end > i and after not in _COUNTED):
+            found.append(" ".join(token.written for token in tokens[i - limits : end + bool(timed or limits)]))
+        i = max(end, i + 1)
+    return found
+
+
+def named_manners(tokens: Sequence[Token]) -> list[str]:
+    """Return the words for a manner of driving: "slowly"; tokens as in `unheld_amounts`."""
+    adverbs = (token for token in tokens if token.category in (WordCategory.FILLER, WordCategory.VERB))
+    return [word for token in adverbs for word in token.text.split() if word in _MANNERS]
 
 
 def merge_quantities(tokens: Sequence[Token]) -> list[Token]:
@@ -28,6 +69,13 @@ def merge_quantities(tokens: Sequence[Token]) -> list[Token]:
             qualifying = (WordCategory.ANY, WordCategory.EXTRA, WordCategory.ABOUT)
             while has_number and merged and merged[-1].category in qualifying:
                 merged.pop()  # "a good 15 metres"
+            if has_number and merged and merged[-1].text == "by":
+                merged.pop()  # "reverse by five metres"
+            if has_number and merged and merged[-1].text in _LIMITS:  # "in the next 50 metres" limits the place
+                while merged and merged[-1].category in _BEFORE_LIMIT:
+                    merged.pop()
+                i = unit_at + 1
+                continue
             merged.append(_distance(tokens[i : unit_at + 1], (value if has_number else 1.0) * float(unit.value)))
             i = unit_at + 1
         elif unit is not None and unit.category is WordCategory.TIME:

@@ -10,6 +10,9 @@ from grounding.language.semantics.contrasts.letters import SIDES, WHOLE_NOUN, co
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import WordCategory
 
+# "The one" and where it is.
+_BARE_ONE = re.compile("d*o[rsw]")
+
 
 def carry_out_repair(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
     """Replace the reparandum by the repair: "the blue, no, the green truck"."""
@@ -31,6 +34,10 @@ def carry_out_repair(tokens: list[Token], match: re.Match[str]) -> list[Token] |
         return None
     repaired = _replace_from(before, nouns[-1].start(), repair)
     reparandum = before[nouns[-1].start() : nouns[-1].end()]
+    said = tokens[match.end("before") : match.start("repair")]
+    if _BARE_ONE.match("".join(map(letter, repair))) and any("mean" in token.text for token in said):
+        one = next(i for i, token in enumerate(repair) if letter(token) == "o")
+        return [*before, *repair[one + 1 :]]  # "the white car, I mean the one next to the red car"
     if repaired is None or not _names_another(reparandum, repair):
         return repaired
     return [*repaired, comma(repair[0]), repair[0].with_category(WordCategory.NOT), *reparandum]

@@ -70,13 +70,14 @@ def _contrast_patterns(verb: str, separator: str) -> list[re.Pattern[str]]:
     """Return the patterns of a contrast between noun phrases and of one between places."""
     return [
         re.compile(
-            rf"(?P<not>[NE])(?P<verb>{verb})(?P<rejected>{part})(?:W?ea)?{separator},?(?:ea)?(?P<chosen>{part}){END}"
+            rf"(?P<not>[NE])(?P<verb>{verb})(?P<rejected>{part})(?:W?ea)?{separator},?(?:ea)?"
+            rf"(?P<chosen>{part}(?:r+p)?){END}"
         )
         for part in (WHOLE_NOUN, PLACE)
     ]
 
 
-_REPAIR = rf"x?r+{WHOLE_NOUN}|{WHOLE_NOUN}|r|[swlt]|x|m+"
+_REPAIR = rf"x?r+{WHOLE_NOUN}|d*or+{WHOLE_NOUN}|{WHOLE_NOUN}|r|[swlt]|x|m+"
 # In order of precedence.
 _RULES: tuple[tuple[re.Pattern[str], Rewrite], ...] = (
     (re.compile(r"(?P<lane>l)(?P<between>[,.CB]+)d*(?P<side>[ms])o"), name_lane),

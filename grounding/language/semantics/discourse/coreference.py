@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from grounding.language.semantics.discourse.command_frames import Discourse
 from grounding.language.syntax.noun_phrases import NounPhrase
 from grounding.query import Referent
@@ -13,6 +15,7 @@ _INHERITED = ("ahead", "behind_ego", "own_lane", *_SIDES, "parked", "moving", "s
 # Index of the mention that a word refers to.
 _ORDER_OF_MENTION = {"former": 0, "latter": -1}
 _ANAPHORS = ("pronoun", "one")
+_PERSONAL_PRONOUNS = ("he", "him", "she", "her")
 _PLURAL_PRONOUNS = ("them", "they", "they're")
 
 
@@ -46,6 +49,8 @@ def find_antecedent(discourse: Discourse, phrase: NounPhrase) -> NounPhrase | No
     if phrase.kind == "pronoun" and (one := _described_one(discourse, at)) is not None:
         return one
     before = [(other, role) for other, role in discourse.mentions[:at] if other.kind not in (*_ANAPHORS, "part")]
+    if phrase.head in _PERSONAL_PRONOUNS and (person := _placed_person(before)) is not None:
+        return person
     if phrase.head in _PLURAL_PRONOUNS and any(other.kind == "person" for other, _ in before):
         # "That man wants to cross behind the bus, let them": one bus is not "them".
         before = [(other, role) for other, role in before if other.kind != "vehicle" or other.number != 1]
@@ -57,6 +62,13 @@ def find_antecedent(discourse: Discourse, phrase: NounPhrase) -> NounPhrase | No
                 if other.kind in kinds and role in roles:
                     return other
     return None
+
+
+def _placed_person(before: Sequence[tuple[NounPhrase, str]]) -> NounPhrase | None:
+    """Return the person stated last whose place is told by a vehicle: "my mum is by the white car, pick her up"."""
+    stated = (one for one, role in reversed(before) if role in ("stated", "target"))
+    last = next((one for one in stated if one.kind in ("vehicle", "person")), None)
+    return last if last is not None and last.kind == "person" and last.related else None
 
 
 def _described_one(discourse: Discourse, end: int) -> NounPhrase | None:

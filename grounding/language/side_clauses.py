@@ -1,0 +1,136 @@
+"""Side clauses: what is said beside a command and asks for no place: a warning ("mind the lady"), a reason.
+
+The command is read from the other words alone, so that nothing takes its place from a side clause.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from grounding.language.reading import Reading
+from grounding.language.semantics.accounting import PLACING
+from grounding.language.syntax.clauses import Clause, split_clauses
+from grounding.language.syntax.tokenizer import Token
+from grounding.language.syntax.word_categories import DETERMINERS, POLARITY, WordCategory
+from grounding.query import Query
+
+# Words of verbs of care that only warn of something; "avoid" and "keep away from" say more.
+_WARNING = frozenset(
+    (
+        "mind",
+        "watch",
+        "look",
+        "lookout",
+        "beware",
+        "caution",
+        "care",
+        "careful",
+        "cautious",
+        "attention",
+        "eye",
+        "eyes",
+    )
+) | {"aware", "alert", "wary", "mindful", "attentive"}
+# Actions that ask for care and no place, and so are at one with a warning.
+_CAREFUL = ("slow_down", "wait", "give_way", "avoid")
+_REFERRING = (WordCategory.PRONOUN, WordCategory.ONE, WordCategory.THERE)
+# Connectives after which a clause is a condition or tells when.
+_CONDITIONS = ("if", "unless", "when", "after", "before", "until", "while")
+# First words of a statement, and words one of which is in its predicate.
+_SUBJECTS = DETERMINERS | {WordCategory.THAT, WordCategory.PERSON, WordCategory.PRONOUN, WordCategory.EXISTS}
+_PREDICATES = (WordCategory.BE, WordCategory.AUX, WordCategory.EXISTS, WordCategory.NONDRIVE, WordCategory.UNKNOWN)
+# Words that a mere reason does not have: those that may command, place, choose or negate.
+_TELLING = (
+    PLACING
+    | POLARITY
+    | {WordCategory.VERB, WordCategory.MEANWHILE, WordCategory.WHERE, WordCategory.HERE, WordCategory.THERE}
+    | {WordCategory.RELATION, WordCategory.ONE, WordCategory.STATE, WordCategory.QUESTION}
+)
+
+
+class Split(NamedTuple):
+    """The text of a command without a side clause, and the side clause."""
+
+    command: str
+    beside: str
+
+
+def split_warning(text: str, tokens: Sequence[Token]) -> Split | None:
+    """Return a text without its first warning; None if it has none, or nothing else, or refers to what it warns of.
+
+    Args:
+        text: the normalised text.
+        tokens: its tagged tokens.
+    """
+    clauses = split_clauses(tokens)
+    at = next((i for i, clause in enumerate(clauses) if _warns(clause)), None)
+    others = [token for i, clause in enumerate(clauses) for token in clause.tokens if i != at]
+    moves = any(token.category is WordCategory.VERB for token in others)
+    if at is None or not moves or any(token.category in _REFERRING for token in others):
+        return None
+    return _split(text, clauses, at)
+
+
+def split_reasons(text: str, tokens: Sequence[Token]) -> Iterator[Split]:
+    """Yield a text without each of its statements that can only be reasons; arguments as in `split_warning`."""
+    clauses = [part for clause in split_clauses(tokens) for part in _sentences(clause)]
+    for i, clause in enumerate(clauses):
+        if len(clauses) > 1 and _is_reason(clause):
+            yield _split(text, clauses, i)
+
+
+def asks_for_place(query: Query) -> bool:
+    """Return whether a command asks for a place, and not only for care."""
+    return query.action is not None and (query.action not in _CAREFUL or query.distance_m is not None)
+
+
+def said_whole(reading: Reading, text: str) -> Reading:
+    """Return the reading of a part of a text as that of the whole text."""
+    steps = tuple(replace(step, command=text) for step in reading.steps)
+    return replace(reading, query=replace(reading.query, command=text), steps=steps)
+
+
+def _warns(clause: Clause) -> bool:
+    """Return whether a clause only warns of something."""
+    verbs = [token for token in clause.tokens if token.category is WordCategory.VERB and not token.form]
+    if len(verbs) != 1 or verbs[0].value != "avoid" or clause.connective in _CONDITIONS:
+        return False
+    return clause.tokens[0] is verbs[0] and not _WARNING.isdisjoint(verbs[0].text.split())
+
+
+def _sentences(clause: Clause) -> list[Clause]:
+    """Return a clause in two where we begin a statement in it: "don't stop by the van I owe him money"."""
+    tokens = clause.tokens
+    starts = [i for i, token in enumerate(tokens) if i and token.category is WordCategory.EGO]
+    if not starts or not any(token.category in PLACING for token in tokens[: starts[-1]]):
+        return [clause]
+    i = starts[-1]
+    return [replace(clause, tokens=tokens[:i]), Clause("", tokens[i:])]
+
+
+def _is_reason(clause: Clause) -> bool:
+    """Return whether a clause is a statement of which nothing can be meant as a command."""
+    first, *rest = clause.tokens
+    if clause.connective in _CONDITIONS or any(token.category in _TELLING for token in clause.tokens):
+        return False
+    if first.category is WordCategory.EGO:
+        return bool(rest)
+    named = first.category in (*DETERMINERS, WordCategory.THAT)  # "the florist" is no statement
+    states = any(token.category in _PREDICATES for token in (first, *rest))
+    return first.category in _SUBJECTS and states and len(rest) > named
+
+
+def _split(text: str, clauses: Sequence[Clause], at: int) -> Split:
+    """Return a text without one of its clauses and the connective beside it."""
+    left_out = clauses[at].tokens
+    beside = text[left_out[0].start : left_out[-1].end]
+    before = text[: clauses[at - 1].tokens[-1].end] if at else ""
+    if at + 1 == len(clauses):
+        return Split(before, beside)
+    following = clauses[at + 1]
+    begins = following.tokens[0]
+    if following.connective in _CONDITIONS:  # "mind him when you pull in"
+        begins = next((one for one in following.tokens if one.category is WordCategory.VERB), begins)
+    return Split(", ".join(part for part in (before, text[begins.start :]) if part), beside)
