@@ -32,6 +32,8 @@ def holds(query: Query, wanted: str) -> bool:
     referent = query.referent
     if key == "x":
         return excludes(query, value)
+    if key == "beside":  # the relation of the referent to its neighbour
+        return any(one.of == "referent" and f"{one.relation},{one.noun}" == value for one in query.secondary)
     qualifiers = referent.qualifiers if referent else ()
     if key in ("q", "notq"):
         return bool({*qualifiers} & {*value.split(",")}) == (key == "q")

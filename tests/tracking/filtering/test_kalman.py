@@ -150,10 +150,10 @@ def test_a_single_detection_is_not_stationary() -> None:
     assert not slow.is_stationary(0.3).any()
 
 
-def test_moving_means_three_standard_deviations() -> None:
+def test_moving_means_two_standard_deviations() -> None:
     filters = begun()
     filters.cov[:] = np.eye(4)
-    for speed, moves in ((2.9, False), (3.1, True)):
+    for speed, moves in ((1.9, False), (2.1, True)):
         filters.mean[0, 2:] = speed * np.array([0.6, -0.8])
         assert filters.is_moving().tolist() == [moves]
 

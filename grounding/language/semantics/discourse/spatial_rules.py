@@ -179,6 +179,10 @@ def handle_ego_place(state: DiscourseState, token: Token) -> None:
         # "The second van on the right: park in front".
         attach_target(state, "in_front_of", NounPhrase(kind="pronoun", head="it", start=token.start))
         return
+    if token.value == "at_end" and state.next_kind == "of":
+        state.remaining.pop(0)
+        state.open_relation = "at"  # "at the end of the line of parked cars"
+        return
     if _qualify_open_phrase(state, token) or token.value in _OF_VEHICLES:
         return
     attach_distance(state, "travel_or_gap")
