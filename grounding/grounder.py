@@ -17,8 +17,8 @@ from appocc.errors import AppoccError, DataError
 from grounding.answer import Answer
 from grounding.answering import answer_reading, reconcile
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.questions import answer_question
 from grounding.dialogue.session import Session
+from grounding.dialogue.telling.questions import answer_question
 from grounding.language import Lexicon, Reading, parse_all, read_lexicon
 from grounding.query import Referent
 from grounding.referent.resolver import MAX_CANDIDATES

@@ -6,8 +6,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from grounding.answer import Answer
 from grounding.answering import without
 from grounding.dialogue.conversation import Conversation
@@ -22,10 +20,9 @@ from grounding.dialogue.fragments import (
     turn_neighbours,
 )
 from grounding.dialogue.merging import merge_request
-from grounding.dialogue.reports import ask_again, cancel, inform
-from grounding.dialogue.telling import said
+from grounding.dialogue.telling.phrases import said
+from grounding.dialogue.telling.reports import cancel, inform
 from grounding.dialogue.turns import Turn
-from grounding.goal.shift import Shift
 from grounding.language import Reading, WordCategory
 from grounding.language.reader.fields import QUALIFIERS
 from grounding.language.replies import Reply, named_distance
@@ -34,19 +31,10 @@ from grounding.query import Query, Referent
 from grounding.referent.predicates import to_referent
 from grounding.referent.resolver import Candidate, resolve
 from grounding.requests import Request
-from grounding.road.lane_model import LANE_M
-from grounding.vocabulary import LANDMARK_KINDS, Action, ShiftDirection
+from grounding.vocabulary import Action
 
-# Distance of "a bit", and distances to another place than the goal.
-BIT_M = 2.0
-_ELSEWHERE_M = (6.0, 12.0, 18.0, 24.0)
 # Questions about somebody or something that was not spoken of.
 _WHO_OR_WHAT = re.compile(r"(?:and |oh |but |so )*(?:(?P<who>who)|what)(?:'s| is|s) (?:the|that|this)\b")
-# The opposite of each shift.
-_OPPOSITE: dict[ShiftDirection, ShiftDirection] = {
-    **{"away": "near", "near": "away", "ahead": "back", "back": "ahead"},
-    **{"leftwards": "rightwards", "rightwards": "leftwards"},
-}
 
 
 def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | None = None) -> Answer | None:
@@ -265,106 +253,6 @@ def _take_changed(talk: Conversation, changed: Request, said: Query) -> Answer:
         again = talk.in_focus(said) if found.status == "ambiguous" else None
         changed = replace(changed, chosen=again)
     return talk.take(talk.state.with_request(changed))
-
-
-def shift_last(talk: Conversation, text: str, shift: Shift) -> Answer:
-    """Move the goal in force."""
-    state = talk.state
-    if not state.plan or state.goal is None:
-        return ask_again(talk, text)
-    last = state.plan[-1]
-    moved = replace(last, shifts=(*last.shifts, shift), reading=said(last.reading, text))
-    steps = (*state.plan[:-1], moved)
-    answer = talk.answer_steps(steps)
-    if answer.status == "ok":
-        return talk.settle(steps, answer)
-    if shift.distance_m == BIT_M:
-        return inform(talk, text, f"there is no room {shift.words}: the goal stays where it was")
-    return replace(answer, reasons=(*answer.reasons, "the goal stays where it was"))
-
-
-def move_elsewhere(talk: Conversation, text: str) -> Answer:
-    """Move the goal in force to the nearest other place that will do, along our way."""
-    answers = []
-    for distance_m in _ELSEWHERE_M:
-        for direction in ("ahead", "back"):
-            answers.append(shift_last(talk, text, Shift(direction, distance_m, whole=True)))
-            if answers[-1].status == "ok":
-                return answers[-1]
-    return answers[0]
-
-
-def shift_from_named(talk: Conversation, text: str, reply: Reply) -> Answer | None:
-    """Move the goal in force with respect to a vehicle, a landmark of the road or the kerb; None without one.
-
-    "Closer to the black one", "that's too close to the crossing", "a bit further from the kerb".
-    """
-    direction, state = reply.leading_shift, talk.state
-    preposition, _, named = reply.rest.partition(" ")
-    if direction is None or preposition not in ("to", "from") or state.goal is None or state.question is not None:
-        return None
-    distance_m = reply.distance_m or BIT_M
-    reading = read_description(named, talk.antecedent, talk.readings)
-    found = resolve(widen(reading, talk.scene).query, talk.scene) if reading else None
-    if found is not None and found.status == "ok":
-        return shift_last(talk, text, Shift(direction, distance_m, found.candidates[0].item.id))
-    if direction not in ("near", "away"):
-        return None
-    said = talk.readings(f"stop at {named}", talk.antecedent)[0].query
-    toward = _direction_to_part_of_road(talk, said)
-    if toward is None and said.secondary and said.referent is None:
-        thing = said.secondary[0].noun.replace("_", " ")
-        return inform(talk, text, f"the map shows no {thing} on our way: say how far ahead or back")
-    if toward is None:
-        return None
-    return shift_last(talk, text, Shift(toward if direction == "near" else _OPPOSITE[toward], distance_m))
-
-
-def _direction_to_part_of_road(talk: Conversation, named: Query) -> ShiftDirection | None:
-    """Return where a landmark of the road, or the kerb, lies from the goal in force; None if a query names none."""
-    target, road = talk.state.goal.target if talk.state.goal else None, talk.scene.road
-    if target is None or road is None:
-        return None
-    along_m, lateral_m = (float(each) for each in road.ego_lane.project(target.ego_m))
-    with_us = np.cos(target.heading_ego_rad - road.direction_at(target.ego_m)) > 0
-    if named.road_side == "kerb":
-        on_our_side = road.traffic_side * lateral_m < LANE_M / 2
-        return "rightwards" if (road.traffic_side > 0) == (on_our_side == with_us) else "leftwards"
-    kind = next((LANDMARK_KINDS[one.noun] for one in named.secondary if one.noun in LANDMARK_KINDS), "")
-    spans = road.landmarks.spans(kind, road.ego_lane)
-    if not spans:
-        return None
-    nearest = min(spans, key=lambda span: max(span.near_m - along_m, along_m - span.far_m))
-    return "ahead" if (nearest.near_m > along_m) == with_us else "back"
-
-
-def shift_more(talk: Conversation, text: str, sign: float, distance_m: float = BIT_M) -> Answer:
-    """Enlarge or reduce the last shift, else the distance to the vehicle of the last command, else along our way."""
-    request = talk.state.request
-    direction: ShiftDirection = "ahead"
-    if request is not None and request.shifts:
-        direction = request.shifts[-1].direction
-    elif request is not None and request.query.landmark == "referent":
-        direction = "away"
-    return shift_last(talk, text, Shift(direction if sign > 0 else _OPPOSITE[direction], distance_m))
-
-
-def change_distance(talk: Conversation, text: str, distance_m: float) -> Answer:
-    """Plan the last command with another distance: "make it 5"."""
-    request = talk.state.request
-    if request is None:
-        return ask_again(talk, text)
-    role = request.query.distance_of or ("referent" if request.query.referent else "ego")
-    partial = Query(text, distance_m=float(distance_m), distance_of=role)
-    return talk.take(talk.state.with_request(merge_request(request, partial)))
-
-
-def scale_distance(talk: Conversation, text: str, factor: float) -> Answer:
-    """Plan the last command with a multiple of its distance: "half that"."""
-    request = talk.state.request
-    if request is None or request.query.distance_m is None:
-        return ask_again(talk, text)
-    return change_distance(talk, text, factor * request.query.distance_m)
 
 
 def replace_step(talk: Conversation, requests: Sequence[Request]) -> Answer | None:

@@ -11,8 +11,8 @@ from grounding.answer import Answer
 from grounding.answering import accept_proposal, without
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import any_of, find_fitting, reading_of, without_qualifiers
-from grounding.dialogue.reports import ask_again, cancel, inform, keep, not_understood
-from grounding.dialogue.telling import said
+from grounding.dialogue.telling.phrases import said
+from grounding.dialogue.telling.reports import ask_again, cancel, inform, keep, not_understood
 from grounding.query import Referent
 from grounding.referent.resolver import Candidate, resolve
 from grounding.requests import Request

@@ -12,9 +12,9 @@ from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import each_step, find_fitting, widen
 from grounding.dialogue.fragments import is_understood, keep_action, names_pronoun, refers_to_place
 from grounding.dialogue.merging import merge_request, names_gap_only
-from grounding.dialogue.reports import ask_again, inform, not_understood, notice
-from grounding.dialogue.steps import STOPS
-from grounding.dialogue.telling import said
+from grounding.dialogue.plans.steps import STOPS
+from grounding.dialogue.telling.phrases import said
+from grounding.dialogue.telling.reports import ask_again, inform, not_understood, notice
 from grounding.dialogue.turns import Turn
 from grounding.language import Reading, WordCategory
 from grounding.language.revised_readings import evidence_of

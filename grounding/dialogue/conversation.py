@@ -12,7 +12,7 @@ from appocc.errors import AppoccError
 from grounding.answer import Answer
 from grounding.answering import accept_proposal, answer_steps
 from grounding.dialogue.memory import Memory
-from grounding.dialogue.telling import ask, said
+from grounding.dialogue.telling.phrases import ask, said
 from grounding.language import Reading
 from grounding.language.reader.network import Prediction
 from grounding.language.reader.turns import State

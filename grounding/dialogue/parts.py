@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.reports import notice
+from grounding.dialogue.plans.steps import edit_steps
+from grounding.dialogue.plans.waits import answer_wait
 from grounding.dialogue.sentences import answer_sentence, is_misunderstood
-from grounding.dialogue.steps import edit_steps
+from grounding.dialogue.telling.reports import notice
 from grounding.dialogue.turns import ASIDES, DOING, predict_turn
-from grounding.dialogue.waits import answer_wait
 from grounding.language.questions import asks_car
 from grounding.language.reader.fields import NONE
 from grounding.language.reader.network import Prediction

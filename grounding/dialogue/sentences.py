@@ -9,19 +9,12 @@ from functools import partial
 
 from grounding.answer import Answer
 from grounding.dialogue.changes import (
-    BIT_M,
     answer_fragment,
-    change_distance,
     described_by,
     drop_step_at,
     drop_step_number,
     drop_steps,
-    move_elsewhere,
     refuse_described,
-    scale_distance,
-    shift_from_named,
-    shift_last,
-    shift_more,
     unknown_one,
 )
 from grounding.dialogue.choices import (
@@ -48,8 +41,17 @@ from grounding.dialogue.fragments import (
 )
 from grounding.dialogue.memory import Memory
 from grounding.dialogue.merging import merge_request
-from grounding.dialogue.questions import answer_question
-from grounding.dialogue.reports import (
+from grounding.dialogue.shifts import (
+    BIT_M,
+    change_distance,
+    move_elsewhere,
+    scale_distance,
+    shift_from_named,
+    shift_last,
+    shift_more,
+)
+from grounding.dialogue.telling.questions import answer_question
+from grounding.dialogue.telling.reports import (
     ask_again,
     cancel,
     count,

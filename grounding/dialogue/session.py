@@ -13,8 +13,8 @@ from appocc.errors import AppoccError
 from grounding.answer import Answer
 from grounding.answering import pick
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.following import follow_plan, follow_question, relocate
 from grounding.dialogue.parts import answer_turn
+from grounding.dialogue.plans.following import follow_plan, follow_question, relocate
 from grounding.language.problems import check_type
 from grounding.referent.resolver import Candidate
 from tracking.tracks import Track

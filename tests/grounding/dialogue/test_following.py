@@ -9,7 +9,7 @@ import pytest
 from street import BLUE, RED, WHITE, Street
 
 from appocc.geometry import quaternion_from_yaw, transform
-from grounding.dialogue.following import has_happened
+from grounding.dialogue.plans.following import has_happened
 from grounding.dialogue.session import Session
 from grounding.requests import Sighting
 

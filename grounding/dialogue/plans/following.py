@@ -10,7 +10,7 @@ import numpy as np
 from appocc.geometry import apply, inverse, wrap_angle
 from grounding.answer import Answer
 from grounding.describe import describe_object
-from grounding.dialogue.telling import ask
+from grounding.dialogue.telling.phrases import ask
 from grounding.goal.shift import HeldPose
 from grounding.referent.resolver import Candidate
 from grounding.referent.scene import SceneModel

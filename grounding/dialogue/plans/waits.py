@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import has_verb, is_understood
-from grounding.dialogue.reports import aside, notice
-from grounding.dialogue.steps import HOLDING, STOPS, Words
-from grounding.dialogue.telling import said
+from grounding.dialogue.plans.steps import HOLDING, STOPS, Words
+from grounding.dialogue.telling.phrases import said
+from grounding.dialogue.telling.reports import aside, notice
 from grounding.language import Reading, WordCategory
 from grounding.language.replies import words_after_opening, words_end
 from grounding.query import Exclusion, Landmark, Query, Referent

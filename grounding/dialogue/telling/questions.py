@@ -12,7 +12,7 @@ from appocc.motion_state import MOVING_MPS
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import only_named, read_description
-from grounding.dialogue.measures import (
+from grounding.dialogue.telling.measures import (
     describe_facing,
     describe_gap,
     describe_heading,
@@ -22,7 +22,8 @@ from grounding.dialogue.measures import (
     find_ahead,
     way_to,
 )
-from grounding.dialogue.reports import (
+from grounding.dialogue.telling.phrases import describe_goal
+from grounding.dialogue.telling.reports import (
     aside,
     ask_again,
     count,
@@ -35,7 +36,6 @@ from grounding.dialogue.reports import (
     tell_vehicle,
     unknown,
 )
-from grounding.dialogue.telling import describe_goal
 from grounding.language import Reading, WordCategory
 from grounding.language.questions import Question, read_question
 from grounding.query import Query, Referent

@@ -11,7 +11,7 @@ from grounding.describe import describe_object
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import any_of
 from grounding.dialogue.fragments import complete, names_pronoun, only_named, read_description
-from grounding.dialogue.telling import ask, describe_goal, said
+from grounding.dialogue.telling.phrases import ask, describe_goal, said
 from grounding.language import Reading
 from grounding.language.problems import ANSWERABLE
 from grounding.language.questions import read_question

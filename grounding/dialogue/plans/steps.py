@@ -8,8 +8,8 @@ from dataclasses import replace
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import begins_with_place, has_verb, is_understood, read_description
-from grounding.dialogue.reports import cancel, inform
-from grounding.dialogue.telling import describe_goal, said
+from grounding.dialogue.telling.phrases import describe_goal, said
+from grounding.dialogue.telling.reports import cancel, inform
 from grounding.language import WordCategory
 from grounding.language.replies import named_distance, words_after_opening, words_end
 from grounding.language.syntax.lexicon import default_lexicon
