@@ -26,7 +26,14 @@ from grounding.goal.limits import (
 )
 from grounding.goal.proposals import explain_refusal, propose_candidates, propose_relation
 from grounding.goal.search import CandidateSearch
-from grounding.goal.traffic import TOWARDS, comes_towards_us, drives_away, how_it_moves, is_caught_up_with
+from grounding.goal.traffic import (
+    TOWARDS,
+    comes_towards_us,
+    drives_away,
+    how_it_moves,
+    is_caught_up_with,
+    is_followed,
+)
 from grounding.query import Query
 from grounding.referent.scene import SceneModel
 from grounding.road.car_paths import CarRoute
@@ -207,11 +214,12 @@ def plan_place(
         cannot = "there is nothing to overtake" if query.action == "overtake" else "no place beside it stays"
         reason = f"it comes towards us at {item.speed_mps:.0f} m/s: {cannot}"
         return GoalPlan(None, (reason,), question=_LET_PASS, instead="give_way", refused=True)
-    if item is not None and is_caught_up_with(query, item, road):
+    if item is not None and is_followed(query, item, road):
         following = replace(query, action="follow", relation="none")
         plan = plan_place(following, scene, road, item, forbidden=forbidden)
-        until = " until it stands" if query.action == "stop" else ""
-        return replace(plan, reasons=(f"it {how_it_moves(item)}: we follow it{until}", *plan.reasons))
+        return replace(plan, reasons=(f"it {how_it_moves(item)}: we follow it until it stands", *plan.reasons))
+    if item is not None and is_caught_up_with(query, item, road):
+        query = replace(query, relation="behind", landmark="referent")
     if item is not None and drives_away(query, item):
         reason = f"it {how_it_moves(item)}, so that no place beside it stays"
         followed = plan_place(replace(query, action="follow", relation="none"), scene, road, item, start=start)
@@ -242,12 +250,13 @@ def plan_place(
     reasons = [*reasons, *(words for words, _ in kept_clear)]
     search = CandidateSearch(candidate_sets, scene, road, references, excluded, limits)
     best, way = search.find_reachable(1 + _RUNNERS_UP)
-    if not best and (later := road.after_traffic(references)) is not None:
+    if not best and (later := road.after_traffic(references, item is None)) is not None:
         again = CandidateSearch(candidate_sets, scene, later, references, excluded, limits)
         best, way = again.find_reachable(1 + _RUNNERS_UP)
         if best:
             search = again
-            reasons = [*reasons, "the way and the place are free once those ahead of us have driven on"]
+            what = "the way is" if item is not None else "the way and the place are"
+            reasons = [*reasons, f"{what} free once those ahead of us have driven on"]
     if not best or way is None:
         return _plan_without_target(search, item, reasons)
     target, *others = (to_target(candidate, scene, road) for candidate in best)

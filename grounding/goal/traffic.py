@@ -26,14 +26,16 @@ def drives_away(query: Query, item: SceneObject) -> bool:
     return stands and query.trigger is None and (said or (item.speed_mps or 0.0) > most_mps)
 
 
+def is_followed(query: Query, item: SceneObject, road: RoadMap) -> bool:
+    """Return whether to stop at a vehicle is to follow it, since it drives on ahead of us."""
+    stops = query.action == "stop" and query.relation in ("none", "behind")
+    return stops and drives_away(query, item) and _drives_before_us(item, road)
+
+
 def is_caught_up_with(query: Query, item: SceneObject, road: RoadMap) -> bool:
-    """Return whether to get behind or up to a vehicle is to follow it, since it drives on ahead of us."""
-    if query.action == "stop":
-        drives = query.relation in ("none", "behind") and drives_away(query, item)
-    else:
-        behind = query.action == "approach" and query.relation in (*TOWARDS, "behind")
-        drives = behind and (item.speed_mps or 0.0) > DRIVING_MPS
-    return drives and _drives_before_us(item, road)
+    """Return whether to approach a vehicle is to get behind it, since it drives on ahead of us."""
+    towards = query.action == "approach" and query.relation in TOWARDS
+    return towards and (item.speed_mps or 0.0) > DRIVING_MPS and _drives_before_us(item, road)
 
 
 def how_it_moves(item: SceneObject) -> str:

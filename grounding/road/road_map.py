@@ -167,10 +167,11 @@ class RoadMap:
         paths = CarPaths(self.grid, self.ego, self.start, self.clearance_m, self.extra_cost, most_back_m)
         return self._cars.setdefault(most_back_m, paths)
 
-    def after_traffic(self, kept: Sequence[SceneObject] = ()) -> RoadMap | None:
+    def after_traffic(self, kept: Sequence[SceneObject] = (), places: bool = True) -> RoadMap | None:
         """Return the road map without the vehicles ahead that drive the way we do; None without any.
 
-        They have driven on when we get there. What `kept` holds stays in the way.
+        They have driven on when we get there. What `kept` holds stays in the way; without `places` all stay where a
+        goal may be.
         """
         leaving = [one for one in self.free_space.objects if one not in kept and self._drives_on(one)]
         if not leaving:
@@ -179,7 +180,7 @@ class RoadMap:
         later = self.free_space.without(leaving, under)
         free = self.drivable & ((later.cell_flags & TAKEN) == 0)
         clearance_m = _distance_m(self.grid, _cells_below(self.grid, self.start, self.ego) | free)
-        return replace(self, clearance_m=clearance_m, free_space=later)
+        return replace(self, clearance_m=clearance_m, free_space=later if places else self.free_space)
 
     def _drives_on(self, item: SceneObject) -> bool:
         """Return whether a vehicle ahead certainly drives the way we do."""
