@@ -145,3 +145,13 @@ def test_a_question_alone_is_answered_and_no_command(text: str) -> None:
 )
 def test_a_wish_in_the_form_of_a_question_is_none(text: str) -> None:
     assert read_question(text) is None
+
+
+def test_another_noun_is_not_like_what_was_sought() -> None:
+    """Neither the colour nor the class of what was not found is part of the next question."""
+    session = Street().car("w", 14, -5, WHITE).car("b", 24, -5, BLUE).grounder().session()
+    assert session.say("stop next to the yellow minibus").status != "ok"
+    told = session.say("what cars can you see on our side?")
+    assert told.status == "ok"
+    assert "white car" in told.text()
+    assert "blue car" in told.text()

@@ -96,7 +96,9 @@ def _describe(talk: Conversation, words: str) -> Reading | None:
     """Return the description of a thing in some words; None if they describe none: a pronoun, or a place alone."""
     if not _names(talk, words):
         return None
-    if reading := read_description(words, talk.antecedent, talk.readings):
+    # "What vans are there?" after "the yellow van": a noun is not like what was spoken of, "the red one" is.
+    nouns = any(one.category in (WordCategory.NOUN, WordCategory.PERSON) for one in talk.read(words).tokens)
+    if reading := read_description(words, None if nouns else talk.antecedent, talk.readings):
         return reading
     named = only_named(talk.read(words).tokens)  # "it the blue car"
     return None if named is None else Reading(Query("", referent=named))
@@ -293,7 +295,7 @@ def _tell_found(talk: Conversation, text: str, question: Question) -> Answer | N
     """Tell which vehicles or people fit a description, and whether any does; the best one is "it" then."""
     asked = talk.state.question
     which = "which" in question.kinds
-    if which and asked is not None and len(asked.candidates) > 1:
+    if which and asked is not None and asked.question and len(asked.candidates) > 1:
         return ask_again(talk, text)
     if which and not question.words:
         return tell_seen(talk, text)

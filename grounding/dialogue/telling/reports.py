@@ -174,7 +174,9 @@ def _tell_room_in_force(talk: Conversation, text: str, words: str) -> Answer:
     question, goal = talk.state.question, talk.state.goal
     if question is not None and question.plan.question:
         return replace(ask_again(talk, text), reasons=("no", *question.reasons))
-    if goal is None or question is not None or read_description(words, talk.antecedent, talk.readings):
+    described = read_description(words, talk.antecedent, talk.readings)
+    named = described.query.referent if described is not None else None
+    if goal is None or question is not None or (named is not None and not named.anaphora):
         return not_understood(talk, text, talk.read(text))
     return inform(talk, text, "yes: there is room for us at the goal")
 
