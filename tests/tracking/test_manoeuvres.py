@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
+from benchmarks.manoeuvres import CASES, main
 from tracking import Detections, Track, Tracker
 
 EGO = np.eye(4)
@@ -71,3 +74,13 @@ def test_slow_vehicles_are_told_from_standing_ones(speed_mps: float, moving: boo
     places = np.column_stack([ahead_m, np.zeros(80)]) + rng.normal(0, 0.1, (80, 2))
     later = follow(places, np.zeros(80), 10)[40:]
     assert np.mean([one.moving == moving and one.velocity_known for one in later]) > 0.9
+
+
+def test_the_benchmark_prints_all_cases(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["--seeds", "1", "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert len(found) == len(CASES)
+    for rows in found.values():
+        assert rows["appocc"]["place_m"] < 2 * rows["detections"]["place_m"]
+    main(["--seeds", "1"])
+    assert "plain filter" in capsys.readouterr().out
