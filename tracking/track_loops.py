@@ -67,7 +67,8 @@ def advance(
         psd_m2ps3[n, 0, 0] = across + (along - across) * cos * cos
         psd_m2ps3[n, 1, 1] = across + (along - across) * sin * sin
         psd_m2ps3[n, 0, 1] = psd_m2ps3[n, 1, 0] = (along - across) * cos * sin
-        if track.moving and model.heading_weight > 0 and track.unseen_s == 0:
+        turns = model.heading_weight > 0 and model.heading_psd_rad2ps > 0
+        if turns and track.moving and track.unseen_s == 0:
             _turn_velocity(mean[n], track, 1 - np.exp(-seconds / heading_smoothing_s))
         track.moved_s += moving_s[n]
         track.unseen_s += seconds

@@ -28,7 +28,7 @@ class MotionConfig:
         along_accel_psd_m2ps3: spectral density of the white-noise acceleration along the heading.
         across_accel_psd_m2ps3: the same across the heading.
         heading_psd_rad2ps: spectral density of the random walk of the direction of motion: the faster a vehicle, the
-            less certain is its path in bends.
+            less certain is its path in bends. At 0 the velocity does not turn with the detected heading either.
         along_std_m: standard deviation of a detection's position along the heading.
         across_std_m: the same across the heading.
         truncated_std_m: standard deviation added to both if the detection is truncated.
