@@ -61,7 +61,7 @@ def test_the_example_of_the_documentation() -> None:
 
 @pytest.mark.parametrize("config", [TrackerConfig(), MAPS, OBJECTS, PEOPLE_IN_IMAGE, PEOPLE_ON_GROUND])
 def test_numbers_may_be_of_numpy(config: TrackerConfig) -> None:
-    changed = replace(config, high_threshold=np.float32(0.25), classes={})
+    changed = replace(config, high_threshold=np.float32(0.25), classes={})  # type: ignore[arg-type]
     assert Tracker(changed).config.high_threshold == 0.25
 
 
