@@ -56,6 +56,7 @@ def advance(
     The times for which they move (N,), and the spectral densities (N, 2, 2) of their acceleration, see
     `acceleration_psd`, are written to the last arguments.
     """
+    share = 1 - np.exp(-seconds / heading_smoothing_s)
     for n in range(len(state)):
         track, model = state[n], models[state[n].kind]
         track.lost = track.unseen_s > lost_s
@@ -69,7 +70,7 @@ def advance(
         psd_m2ps3[n, 0, 1] = psd_m2ps3[n, 1, 0] = (along - across) * cos * sin
         turns = model.heading_weight > 0 and model.heading_psd_rad2ps > 0
         if turns and track.moving and track.unseen_s == 0:
-            _turn_velocity(mean[n], track, 1 - np.exp(-seconds / heading_smoothing_s))
+            _turn_velocity(mean[n], track, share)
         track.moved_s += moving_s[n]
         track.unseen_s += seconds
         track.missed_s += seconds

@@ -24,7 +24,7 @@ from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.telling.reports import cancel, inform
 from grounding.dialogue.turns import Turn
 from grounding.language import Reading, WordCategory
-from grounding.language.reader.fields import QUALIFIERS
+from grounding.language.reader.fields import unlearnt_qualifiers
 from grounding.language.replies import Reply, named_distance
 from grounding.language.revised_readings import evidence_of
 from grounding.query import Query, Referent
@@ -183,7 +183,7 @@ def _with_own_words(told: Reading, reading: Reading | None) -> Reading:
     said, named = told.query.referent, reading.query.referent if reading is not None else None
     if said is None or named is None:
         return told
-    more = tuple(one for one in named.qualifiers if one not in QUALIFIERS and one not in said.qualifiers)
+    more = tuple(one for one in unlearnt_qualifiers(named) if one not in said.qualifiers)
     return reading_of(replace(said, qualifiers=(*said.qualifiers, *more)))
 
 
@@ -264,11 +264,6 @@ def replace_step(talk: Conversation, requests: Sequence[Request]) -> Answer | No
     return talk.take((*plan[: same[-1]], requests[0], *plan[same[-1] + 1 :]))
 
 
-def _take_left(talk: Conversation, text: str, left: Sequence[Request]) -> Answer:
-    """Plan the steps that are left."""
-    return talk.take(tuple(replace(one, reading=said(one.reading, text)) for one in left))
-
-
 def drop_step_at(talk: Conversation, text: str, named: Referent) -> Answer | None:
     """Drop the only step at a vehicle: "skip the truck"; None if the plan has no such step, or no other.
 
@@ -282,7 +277,7 @@ def drop_step_at(talk: Conversation, text: str, named: Referent) -> Answer | Non
     left = tuple(step for step in plan if not (step.chosen is not None and step.chosen.item.id in ids))
     if not left or len(left) != len(plan) - 1:
         return None
-    return _take_left(talk, text, left)
+    return talk.take_steps(text, left)
 
 
 def drop_step_number(talk: Conversation, text: str, number: int | None) -> Answer | None:
@@ -292,7 +287,7 @@ def drop_step_number(talk: Conversation, text: str, number: int | None) -> Answe
     if len(plan) < 2 or not 1 <= at <= len(plan):
         return None
     left = (*plan[: at - 1], *plan[at:])
-    return _take_left(talk, text, left)
+    return talk.take_steps(text, left)
 
 
 def drop_steps(talk: Conversation, text: str, action: Action) -> Answer:
@@ -303,4 +298,4 @@ def drop_steps(talk: Conversation, text: str, action: Action) -> Answer:
         return cancel(talk, text)
     if len(left) == len(plan):
         return inform(talk, text, f"the plan has no step '{action}': it stays as it is")
-    return _take_left(talk, text, left)
+    return talk.take_steps(text, left)

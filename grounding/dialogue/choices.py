@@ -70,7 +70,7 @@ def go_back(talk: Conversation, text: str, described: Referent | None = None, nu
         return inform(talk, text, "no other command was given before")
     is_first = number == 1 and (described is None or described.colour is None)
     before, *earlier = talk.state.earlier[-1:] if is_first else talk.state.earlier[_index_of(talk, described) :]
-    answer = talk.take([replace(one, reading=said(one.reading, text)) for one in before])
+    answer = talk.take_steps(text, before)
     if earlier:  # the next "undo" goes back farther; at the first plan it puts the last one in force again
         talk.state = replace(talk.state, earlier=tuple(earlier))
     return answer

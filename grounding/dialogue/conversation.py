@@ -154,6 +154,10 @@ class Conversation:
             return answer  # another speed on the way to the goal in force
         return self.settle(steps, answer)
 
+    def take_steps(self, text: str, steps: Sequence[Request]) -> Answer:
+        """Plan known steps as a sentence leaves them: fewer, or in another order."""
+        return self.take(tuple(replace(one, reading=said(one.reading, text)) for one in steps))
+
     def take_reading(self, answer: Answer) -> Answer:
         """Take one of several readings of a sentence."""
         return self.take(requests_of(answer.reading), answer=answer)

@@ -67,7 +67,7 @@ from grounding.dialogue.telling.reports import (
 )
 from grounding.dialogue.turns import Turn, read_turn, state_of
 from grounding.goal.shift import Shift
-from grounding.language.reader.fields import NONE, QUALIFIERS
+from grounding.language.reader.fields import NONE, unlearnt_qualifiers
 from grounding.language.replies import Reply, read_reply
 from grounding.language.revised_readings import evidence_of
 from grounding.query import Query
@@ -263,7 +263,7 @@ def _names_unlearnt(talk: Conversation, reply: Reply) -> bool:
     """Return whether a turn describes a vehicle by a word that its reader has not learnt: "the one next to us"."""
     described = read_description(reply.rest, talk.antecedent, talk.readings)
     referent = described.query.referent if described is not None else None
-    return referent is not None and not {*referent.qualifiers} <= {*QUALIFIERS}
+    return referent is not None and bool(unlearnt_qualifiers(referent))
 
 
 def _is_lost(talk: Conversation, text: str, reply: Reply) -> bool:

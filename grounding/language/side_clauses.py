@@ -1,4 +1,4 @@
-"""Side clauses: what is said beside a command and asks for no place: a warning ("mind the lady"), a reason.
+"""Side clauses of a command, which ask for no place: warnings ("mind the lady") and reasons.
 
 The command is read from the other words alone, so that nothing takes its place from a side clause.
 """
@@ -19,20 +19,10 @@ from grounding.query import Query
 # Words of verbs of care that only warn of something; "avoid" and "keep away from" say more.
 _WARNING = frozenset(
     (
-        "mind",
-        "watch",
-        "look",
-        "lookout",
-        "beware",
-        "caution",
-        "care",
-        "careful",
-        "cautious",
-        "attention",
-        "eye",
-        "eyes",
+        *("mind", "watch", "look", "lookout", "beware", "caution", "care", "careful", "cautious", "attention"),
+        *("eye", "eyes", "aware", "alert", "wary", "mindful", "attentive"),
     )
-) | {"aware", "alert", "wary", "mindful", "attentive"}
+)
 # Actions that ask for care and no place, and so are at one with a warning.
 _CAREFUL = ("slow_down", "wait", "give_way", "avoid")
 _REFERRING = (WordCategory.PRONOUN, WordCategory.ONE, WordCategory.THERE)

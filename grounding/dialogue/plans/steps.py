@@ -122,11 +122,6 @@ def _is_about(talk: Conversation, step: Request, named: Referent) -> bool:
 # What is done with steps --------------------------------------------------------------------------------------------
 
 
-def _take(talk: Conversation, text: str, steps: Sequence[Request]) -> Answer:
-    """Plan other steps, or the same in another order."""
-    return talk.take(tuple(replace(one, reading=said(one.reading, text)) for one in steps))
-
-
 def _tell_missing(talk: Conversation, text: str) -> Answer:
     """Tell that the plan has no such step, and which it has."""
     told = describe_goal(talk.state.goal) if talk.state.goal is not None else ()
@@ -160,7 +155,7 @@ def _drop(talk: Conversation, text: str, words: Words) -> Answer | None:
         return None
     if not found:
         return _tell_missing(talk, text)
-    return _take(talk, text, left) if left else cancel(talk, text)
+    return talk.take_steps(text, left) if left else cancel(talk, text)
 
 
 def _keeps(talk: Conversation, left: Sequence[Request], tail: Words) -> bool:
@@ -192,7 +187,7 @@ def _swap(talk: Conversation, text: str, words: Words) -> Answer | None:
             return _tell_missing(talk, text)
     order = list(steps)
     order[pair[0]], order[pair[1]] = steps[pair[1]], steps[pair[0]]
-    return _take(talk, text, order)
+    return talk.take_steps(text, order)
 
 
 def _move(talk: Conversation, text: str, words: Words) -> Answer | None:
@@ -205,7 +200,7 @@ def _move(talk: Conversation, text: str, words: Words) -> Answer | None:
         return None
     others = [step for i, step in enumerate(steps) if i not in found]
     moved = steps[found[0]]
-    return _take(talk, text, [moved, *others] if end == 1 else [*others, moved])
+    return talk.take_steps(text, [moved, *others] if end == 1 else [*others, moved])
 
 
 def _change_back(talk: Conversation, text: str, words: Words) -> Answer | None:

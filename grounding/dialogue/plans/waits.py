@@ -263,4 +263,4 @@ def _go_on(talk: Conversation, text: str) -> Answer | None:
     query = talk.read(text).query
     if query.manoeuvre != "onward" or query.trigger is not None or not _agrees(query, plan):
         return None
-    return talk.take(tuple(replace(one, reading=said(one.reading, text)) for one in plan[at + 1 :]))
+    return talk.take_steps(text, plan[at + 1 :])

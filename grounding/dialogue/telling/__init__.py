@@ -1,1 +1,1 @@
-"""What the car tells: answers to questions, reports of the goal and of what is seen, and their phrases."""
+"""Answers in words: to questions, reports of the goal and of the scene, and their phrases."""

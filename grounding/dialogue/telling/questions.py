@@ -24,6 +24,7 @@ from grounding.dialogue.telling.measures import (
 )
 from grounding.dialogue.telling.phrases import describe_goal
 from grounding.dialogue.telling.reports import (
+    NOT_KNOWN,
     aside,
     ask_again,
     count,
@@ -55,7 +56,7 @@ _DESCRIBING = (
     *(WordCategory.NOUN, WordCategory.MAKE, WordCategory.MODEL, WordCategory.PERSON, WordCategory.COLOUR),
     *(WordCategory.ONE, WordCategory.SUPERLATIVE, WordCategory.ORDINAL),
 )
-_BEFORE = ("that is not known here: what it did before",)
+_BEFORE = (f"{NOT_KNOWN}: what it did before",)
 _Teller = Callable[[Conversation, str, Question], Answer | None]
 
 
@@ -247,7 +248,7 @@ def _tell_why(talk: Conversation, text: str, question: Question) -> Answer | Non
     if things.found or things.reasons:
         tell = describe_facing if "facing" in state else describe_one
         told = [tell(item, talk.scene) for item in things.items] or things.reasons
-        return aside(talk, text, *told, "that is not known here: why others do so")
+        return aside(talk, text, *told, f"{NOT_KNOWN}: why others do so")
     if "facing" in state:
         return _tell_facing(talk, text, question)
     reasoned = "moving" in state and "slow" not in state  # "why are we going there"
@@ -268,7 +269,7 @@ def _tell_gap(talk: Conversation, text: str, question: Question) -> Answer | Non
 def _tell_safe(talk: Conversation, text: str, question: Question) -> Answer:
     planned = talk.state.goal is not None and talk.state.goal.target is not None
     told = [_KEPT] if planned else []
-    return aside(talk, text, *told, "that is not known here: signs, rules of parking, and what others will do")
+    return aside(talk, text, *told, f"{NOT_KNOWN}: signs, rules of parking, and what others will do")
 
 
 def _tell_sure(talk: Conversation, text: str, question: Question) -> Answer | None:

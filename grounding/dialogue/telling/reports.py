@@ -20,6 +20,8 @@ from grounding.referent.resolver import MAX_CANDIDATES, find_all, resolve
 from grounding.requests import Request, requests_of
 from grounding.scene_object import SceneObject
 
+# What neither the scene nor the plan tells.
+NOT_KNOWN = "that is not known here"
 # What may be asked for in "which cars do you see?"; without one of them, it is about all vehicles.
 _SEEN = ("cars", "vans", "trucks", "lorries", "buses", "motorbikes", "bikes", "people", "pedestrians")
 
@@ -41,7 +43,7 @@ def aside(talk: Conversation, text: str, *reasons: str) -> Answer:
 
 def unknown(talk: Conversation, text: str, what: str) -> Answer:
     """Tell openly what neither the scene nor the plan tells."""
-    return aside(talk, text, f"that is not known here: {what}")
+    return aside(talk, text, f"{NOT_KNOWN}: {what}")
 
 
 def tell_goal(talk: Conversation, text: str) -> Answer:
@@ -76,7 +78,7 @@ def keep(talk: Conversation, text: str) -> Answer:
     if talk.state.goal is None:
         return not_understood(talk, text, talk.read(text))
     open_ = read_question(text, talk.grounder.lexicon)
-    told = "the goal stays as it is" if open_ is None else f"that is not known here; {ANSWERABLE}"
+    told = "the goal stays as it is" if open_ is None else f"{NOT_KNOWN}; {ANSWERABLE}"
     return replace(aside(talk, text, told), status="not_a_command")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import get_args
 
-from grounding.query import Direction
+from grounding.query import Direction, Referent
 from grounding.query_schema import Noun, Qualifier
 from grounding.vocabulary import Action, Relation, ShiftDirection, Trigger
 
@@ -41,3 +41,8 @@ TURN_CHOICES: dict[str, tuple[str, ...]] = {
     "shift": get_args(ShiftDirection),
     **{field: CHOICES[field] for field in ("action", "relation", "direction", "goal_side")},
 }
+
+
+def unlearnt_qualifiers(referent: Referent) -> tuple[str, ...]:
+    """Return the qualifiers of a referent that the networks do not know: only the grammar reads them."""
+    return tuple(one for one in referent.qualifiers if one not in QUALIFIERS)
