@@ -46,8 +46,12 @@ _MAX_OTHERS = 2
 def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Answer:
     """Answer one reading of a command; with several steps, the answer is that of its primary query.
 
-    A reading in doubt is a question, whose only alternative is the answer all the same.
+    A reading in doubt is a question, whose only alternative is the answer all the same. Where the scene has no place
+    for a command with a fallback, the fallback is answered.
     """
+    if (fallback := reading.otherwise) is not None:
+        wished = answer_reading(replace(reading, otherwise=None), scene, limit)
+        return _choose_place(wished, answer_reading(fallback, scene, limit), reading.prefers_nearer)
     requests = requests_of(reading)
     primary = next((i for i, one in enumerate(requests) if one.query == reading.query), len(requests) - 1)
     answer = answer_steps(requests, scene, primary=primary, limit=limit)
@@ -66,6 +70,27 @@ def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDA
         dropped=reading.dropped,
     )
     return replace(asked, chooser=partial(pick, asked.alternatives, name="reading"))
+
+
+def _choose_place(wished: Answer, fallback: Answer, nearer: bool) -> Answer:
+    """Return the answer to a wish, or to its fallback where the wish has no place or, with `nearer`, a farther."""
+    first, last = (describe_step(one.query, one.referent, one.scene) for one in (wished, fallback))
+    if wished.status == "ok":
+        if nearer and _is_nearer(fallback, wished):
+            return replace(fallback, reasons=(*fallback.reasons, f"'{first}' would be farther"))
+        return replace(wished, reasons=(*wished.reasons, f"'{last}' is not needed"))
+    asks_which = wished.status == "ambiguous" and not wished.plan.question
+    if asks_which or fallback.status in ("not_found", "not_a_command"):
+        return wished
+    return replace(fallback, reasons=(f"'{first}' is not possible", *wished.reasons, *fallback.reasons))
+
+
+def _is_nearer(answer: Answer, other: Answer) -> bool:
+    """Return whether the place of an answer is nearer to us than that of another one."""
+    if answer.target is None or other.target is None:
+        return False
+    ego = answer.scene.ego.centre_m
+    return math.dist(answer.target.ego_m, (ego, 0)) < math.dist(other.target.ego_m, (ego, 0))
 
 
 def answer_steps(

@@ -11,8 +11,9 @@ from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.plans.steps import edit_steps
 from grounding.dialogue.plans.waits import answer_wait
 from grounding.dialogue.sentences import answer_sentence, is_misunderstood
-from grounding.dialogue.telling.reports import notice
+from grounding.dialogue.telling.reports import inform, notice
 from grounding.dialogue.turns import ASIDES, DOING, predict_turn
+from grounding.language.alternatives import lone_fallback
 from grounding.language.questions import asks_car
 from grounding.language.reader.fields import NONE
 from grounding.language.reader.network import Prediction
@@ -133,6 +134,10 @@ def _names_nothing(prediction: Prediction, text: str) -> bool:
 
 def answer_turn(talk: Conversation, text: str) -> Answer:
     """Answer a turn: sentence by sentence if each has a certain act of its own, else as a whole."""
+    if not talk.is_opening and (fallback := lone_fallback(text, talk.grounder.lexicon)):
+        if talk.state.goal is not None and talk.state.question is None:
+            return inform(talk, text, f"it is possible, so '{fallback}' is not needed")
+        return answer_turn(talk, fallback)
     if answer := edit_steps(talk, text) or answer_wait(talk, text):
         return answer
     before = talk.state

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from itertools import islice
 
+from grounding.language.alternatives import Alternatives, split_alternatives
 from grounding.language.ambiguity import MAX_READINGS, list_alternatives
 from grounding.language.between import with_both_ends
 from grounding.language.people import with_people
@@ -84,6 +85,8 @@ def parse_all(
         if asks_for_place(rest[0].query):
             heeded = f"'{warning.beside}' is heeded on the way, and tells no place"
             return tuple(replace(one, notes=(*one.notes, heeded)) for one in rest)
+    if wishes := _read_alternatives(text, split_alternatives(normalised, tagged), words, antecedent, revised):
+        return wishes
     likely = [_Analysis(text, way, antecedent, verb) for way in ways if way.cost <= ways[0].cost + _MAX_LOSS]
     # Words that are all known as they are written are not corrected into a command.
     likely = likely[:1] if _is_clean(ways[0]) else likely
@@ -104,15 +107,46 @@ def parse_all(
     if not first.problem and (first.doubt or first.revised):
         for side in split_reasons(normalised, tagged):
             first_of_rest, *_ = rest = read_without(side)
-            if first_of_rest.query.action == first.query.action and _is_plain(first_of_rest):
+            if first_of_rest.query.action == first.query.action and first_of_rest.is_plain:
                 return tuple(replace(one, dropped=(*one.dropped, side.beside)) for one in rest)
     read = partial(parse, lexicon=words, revised=False)
     return (with_people(with_both_ends(first, normalised, read)), *others)
 
 
-def _is_plain(reading: Reading) -> bool:
-    """Return whether a command is understood whole."""
-    return not (reading.problem or reading.doubt or reading.dropped or reading.query.unresolved)
+def _read_alternatives(
+    text: str, splits: Iterable[Alternatives], lexicon: Lexicon, antecedent: Referent | None, revised: bool
+) -> tuple[Reading, ...]:
+    """Return the readings of a wish with its fallback, of the first split whose wish is plain; () for none.
+
+    A fallback that is not understood is told as dropped, unless it may be a part of the wish.
+    """
+    for wish, fallback, certain, nearer in splits:
+        first = parse_all(wish, lexicon, antecedent, revised=revised)
+        if first[0].problem:  # "if there's no space behind it, go on": a place with the verb of the other half
+            verb = parse(fallback, lexicon, revised=False).query.action or ""
+            first = parse_all(wish, lexicon, antecedent, verb, revised=False)
+        if not first[0].is_plain:
+            continue
+        second = _read_in_context(fallback, lexicon, first[0].query, antecedent, revised)
+        if second is not None:
+            second = said_whole(second, text)
+            return tuple(replace(said_whole(one, text), otherwise=second, prefers_nearer=nearer) for one in first)
+        if certain:
+            return tuple(replace(said_whole(one, text), dropped=(fallback,)) for one in first)
+    return ()
+
+
+def _read_in_context(
+    text: str, lexicon: Lexicon, before: Query, antecedent: Referent | None, revised: bool
+) -> Reading | None:
+    """Return the plain reading of a text after a command, whose verb and vehicle it may share; None without one."""
+    alone = parse(text, lexicon, revised=revised)
+    if alone.is_plain and any(token.category is WordCategory.VERB for token in alone.tokens):
+        return alone
+    referent = before.referent or antecedent
+    verbs = (before.action or "", "")
+    shared = (parse_all(text, lexicon, referent, verb, revised=False)[0] for verb in verbs)
+    return next((one for one in (*shared, alone) if one.is_plain), None)
 
 
 def _is_clean(way: Tokenised) -> bool:

@@ -5,21 +5,17 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from itertools import pairwise
-from pathlib import Path
 
-from appocc.files import read_text
 from grounding.language.problems import check_type
 from grounding.language.replies import respelled
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon
-from grounding.language.syntax.phrase_patterns import WORD, LexicalEntry
+from grounding.language.syntax.phrase_patterns import WORD
+from grounding.language.syntax.sections import longest_end, read_sections
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, normalise, tokenise
 from grounding.language.syntax.word_categories import MODIFIERS, NOUNS, WordCategory
 
-_PATH = Path(__file__).parent / "syntax" / "data" / "questions.txt"
-_MAX_BYTES = 1_000_000
-_HEADING = re.compile(r"\[([a-z]+(?:: [^\]]+)?)\]")
+_FILE = "questions.txt"
 _LIMIT = "limit: "
 # Sections that tell how a question begins, and words that name no thing; the others are kinds.
 _FRAME = ("lead", "indirect", "asking", "marked", "wish", "elsewhere", "empty", "edge")
@@ -83,7 +79,7 @@ def read_question(text: str, lexicon: Lexicon | None = None) -> Question | None:
     start = _start(words)
     if start is None or _says_more(words[start:]) or _find("elsewhere", words, start, lexicon):
         return None
-    kinds = (kind for kind in _sections() if kind not in _FRAME)
+    kinds = (kind for kind in read_sections(_FILE) if kind not in _FRAME)
     spans = {kind: span for kind in kinds if (span := _find(kind, words, start, lexicon))}
     main = next((kind for kind in spans if kind not in _FURTHER), "")
     begin, end = spans[main] if main else (start, start)
@@ -183,18 +179,4 @@ def _about(words: tuple[str, ...], written: tuple[str, ...]) -> str:
 
 def _end(section: str, words: tuple[str, ...], start: int) -> int:
     """Return the end of the longest phrase of a section from a word on; 0 if there is none."""
-    matched = _sections()[section].longest_match(words, start) if start < len(words) else None
-    return matched[0] if matched else 0
-
-
-@cache
-def _sections() -> dict[str, Lexicon]:
-    """Return the patterns of each section of the file of questions, in its order."""
-    sections, name = dict[str, Lexicon](), ""
-    for line in read_text(_PATH, _MAX_BYTES).splitlines():
-        if heading := _HEADING.fullmatch(line):
-            name = heading[1]
-            sections[name] = Lexicon()
-        elif line and not line.startswith("#"):
-            sections[name].add(line, LexicalEntry(WordCategory.FILLER, name))
-    return sections
+    return longest_end(read_sections(_FILE), section, words, start)

@@ -34,6 +34,8 @@ class Reading:
         doubts_strange: whether it doubts only words that no lexicon holds.
         corrections: words as written and as read, where they differ.
         revised: (field, value of the grammar, value now) of each field that the reader network changed.
+        otherwise: the command that counts where the scene has no place for this one; None without one.
+        prefers_nearer: whether the nearer place of both is asked for: "whichever is closer".
     """
 
     query: Query
@@ -48,6 +50,8 @@ class Reading:
     doubts_strange: bool = False
     corrections: tuple[tuple[str, str], ...] = ()
     revised: tuple[tuple[str, str, str], ...] = ()
+    otherwise: Reading | None = None
+    prefers_nearer: bool = False
 
     def __post_init__(self) -> None:
         """Take the query as the only step if none are given."""
@@ -59,6 +63,11 @@ class Reading:
         doubt = compose_doubt(doubtful) if self.doubtful else self.doubt
         dropped = tuple(word for word in self.dropped if word not in used)
         return replace(self, dropped=dropped, doubt=doubt, doubtful=doubtful)
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is a command that is understood whole."""
+        return not (self.problem or self.doubt or self.dropped or self.query.unresolved)
 
     def with_query(self, query: Query) -> Reading:
         """Return the reading with another query, as its only step."""
