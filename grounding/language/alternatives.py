@@ -83,7 +83,9 @@ def split_alternatives(text: str, tokens: Sequence[Token]) -> Iterator[Alternati
         tokens: its tagged tokens.
     """
     words = _Words.of(text)
-    for wish, fallback in (*_at_otherwise(words), *_at_condition(words, tokens)):
+    # "If it moves, follow it, otherwise go past": what is the case there decides, not whether there is a place.
+    states = words.end_of("if", 0) and not any(token.category is WordCategory.SPOT for token in tokens)
+    for wish, fallback in (*(() if states else _at_otherwise(words)), *_at_condition(words, tokens)):
         if wish and fallback:
             yield Alternatives(wish, fallback, True)
     until = next((k for k, _ in enumerate(words.words) if words.end_of("whichever", k)), len(words.words))

@@ -85,7 +85,8 @@ def answer_question(talk: Conversation, text: str) -> Answer | None:
         return None
     if question.limit:
         return unknown(talk, text, question.limit)
-    return _ANSWERS[question.kind](talk, text, question)
+    answer = _ANSWERS.get(question.kind)  # a kind that only tells more of another one is not asked alone
+    return answer(talk, text, question) if answer else None
 
 
 def _names(talk: Conversation, words: str) -> bool:
