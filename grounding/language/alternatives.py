@@ -21,6 +21,8 @@ _MARKS = (",", ".", ";", "!", "?")
 # Words that join two halves, and are part of neither.
 _JOINING = frozenset((*_MARKS, "and", "or", "but", "then", "so", "either", "please", "just"))
 _PLACES = (WordCategory.RELATION, WordCategory.HERE, WordCategory.BETWEEN, WordCategory.SIDE)
+# Most words that may join alternatives: halves are read again in halves, and so the time doubles with each.
+_MAX_JOINTS = 3
 # Categories after which "or" does not tell a fallback.
 _UNSPLIT = POLARITY | {WordCategory.SUB}
 
@@ -70,6 +72,13 @@ class _Words:
         praise = (k for k in range(start, len(self.words)) if self.end_of("praise", k) == len(self.words))
         return self.part(start, next(praise, None))
 
+    def count_joints(self) -> int:
+        """Return the number of words that may join two halves."""
+        return sum(
+            word == "or" or bool(self.end_of("otherwise", k) or self.end_of("if", k) or self.end_of("between", k))
+            for k, word in enumerate(self.words)
+        )
+
     def end_of(self, section: str, start: int) -> int:
         """Return the end of the longest phrase of a section from a word on; 0 if there is none."""
         return longest_end(read_sections(_FILE), section, self.words, start)
@@ -79,10 +88,12 @@ def split_alternatives(text: str, tokens: Sequence[Token]) -> Iterator[Alternati
     """Yield the ways to split a text into a wish and its fallback; the likeliest first.
 
     Args:
-        text: the normalised text.
+        text: the normalised text; a text with many alternatives is not split.
         tokens: its tagged tokens.
     """
     words = _Words.of(text)
+    if words.count_joints() > _MAX_JOINTS:
+        return
     # "If it moves, follow it, otherwise go past": what is the case there decides, not whether there is a place.
     states = words.end_of("if", 0) and not any(token.category is WordCategory.SPOT for token in tokens)
     for wish, fallback in (*(() if states else _at_otherwise(words)), *_at_condition(words, tokens)):
@@ -115,7 +126,7 @@ def _at_otherwise(words: _Words) -> Iterator[tuple[str, str]]:
 
 
 def _at_condition(words: _Words, tokens: Sequence[Token]) -> Iterator[tuple[str, str]]:
-    """Yield the halves around a condition that says what stands in the way: "if there's no room behind it"."""
+    """Yield the halves around a condition under which the wish is impossible: "if there's no room behind it"."""
     for i, _ in enumerate(words.words):
         begin = words.end_of("if", i)
         for kind in ("unable", "hindered") if begin else ():

@@ -76,3 +76,8 @@ def test_a_fallback_without_its_wish() -> None:
     assert lone_fallback("if there's no room, park on the other side") == "park on the other side"
     assert lone_fallback("if not, stop here") == "stop here"
     assert lone_fallback("park behind the van if there's room") == ""
+
+
+def test_a_text_with_many_alternatives_is_not_split() -> None:
+    assert parse("stop at the kerb" + ", otherwise behind the van" * 2).otherwise is not None
+    assert parse("stop at the kerb" + ", otherwise behind the van" * 20).otherwise is None
