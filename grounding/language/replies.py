@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import get_args
 
-from appocc.files import read_text
 from grounding.language.problems import check_type
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon
 from grounding.language.syntax.phrase_patterns import WORD, LexicalEntry, PhrasePattern
 from grounding.language.syntax.quantities import merge_quantities
+from grounding.language.syntax.sections import section_lines
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, normalise, tokenise
 from grounding.language.syntax.word_categories import WordCategory
 from grounding.vocabulary import POSITIONS, ShiftDirection
 
-_PATH = Path(__file__).parent / "syntax" / "data" / "replies.txt"
-_MAX_BYTES = 1_000_000
-_HEADING = re.compile(r"\[([a-z]+)\]")
+_FILE = "replies.txt"
 # Kinds that ask for another place, and the direction of the change.
 SHIFTS: tuple[ShiftDirection, ...] = get_args(ShiftDirection)
 # Kinds that are words of a description and no replies: comparatives, by the superlative that they are among
@@ -293,10 +289,8 @@ def reply_patterns() -> list[PhrasePattern]:
 @cache
 def _replies(only: str = "") -> Lexicon:
     """Return the patterns of all replies, or of one kind of words, each with its kind as value."""
-    lexicon, kind = Lexicon(), ""
-    for line in read_text(_PATH, _MAX_BYTES).splitlines():
-        if heading := _HEADING.fullmatch(line):
-            kind = heading[1]
-        elif line and not line.startswith("#") and (kind == only if only else kind not in _WORD_KINDS):
+    lexicon = Lexicon()
+    for kind, line in section_lines(_FILE):
+        if kind == only if only else kind not in _WORD_KINDS:
             lexicon.add(line, LexicalEntry(WordCategory.FILLER, kind))
     return lexicon

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -16,6 +17,20 @@ _MAX_BYTES = 1_000_000
 _HEADING = re.compile(r"\[([a-z]+(?:: [^\]]+)?)\]")
 
 
+def section_lines(name: str) -> Iterator[tuple[str, str]]:
+    """Yield (section, line of patterns) of a file of the package's language data, in its order.
+
+    Raises:
+        DataError: if the file is missing.
+    """
+    section = ""
+    for line in read_text(_FOLDER / name, _MAX_BYTES).splitlines():
+        if heading := _HEADING.fullmatch(line):
+            section = heading[1]
+        elif line and not line.startswith("#"):
+            yield section, line
+
+
 @cache
 def read_sections(name: str) -> dict[str, Lexicon]:
     """Return the patterns of each section of a file of the package's language data, in its order.
@@ -23,13 +38,9 @@ def read_sections(name: str) -> dict[str, Lexicon]:
     Raises:
         DataError: if the file is missing.
     """
-    sections, section = dict[str, Lexicon](), ""
-    for line in read_text(_FOLDER / name, _MAX_BYTES).splitlines():
-        if heading := _HEADING.fullmatch(line):
-            section = heading[1]
-            sections[section] = Lexicon()
-        elif line and not line.startswith("#"):
-            sections[section].add(line, LexicalEntry(WordCategory.FILLER, section))
+    sections = dict[str, Lexicon]()
+    for section, line in section_lines(name):
+        sections.setdefault(section, Lexicon()).add(line, LexicalEntry(WordCategory.FILLER, section))
     return sections
 
 
