@@ -15,6 +15,7 @@ from grounding.confidence import confidence_of, gather_evidence, is_worth_acting
 from grounding.describe import describe_object, describe_step, with_article
 from grounding.goal.at_landmark import landmark_of
 from grounding.goal.planner import GoalPlan, plan_place, with_nearest
+from grounding.goal.proposals import explain_refusal
 from grounding.goal.second_best import plan_with_second_best
 from grounding.goal.shift import HeldPose, hold_goal, shift_goal
 from grounding.language import Reading
@@ -233,6 +234,8 @@ def answer_step(
         return answer_step(without_referent(request, resolution.reasons), scene, limit, start)
     reasons = (*resolution.reasons, *reading.notes, *_tell_dropped(reading))
     make = partial(Answer, reading=reading, scene=scene, candidates=resolution.candidates, dropped=reading.dropped)
+    if resolution.status != "ok" and (refusal := explain_refusal(request.query)):  # whichever is meant
+        return make(status="not_found", plan=GoalPlan(None, (refusal,), refused=True), reasons=(refusal, *reasons))
     if resolution.status != "ok":
         score = resolution.candidates[0].score if resolution.status == "ambiguous" else _NO_REFERENT_SCORE
         return make(

@@ -54,6 +54,7 @@ _AT_EDGE_M = 1.6
 _TURN_ROUND_RAD, _LITTLE_M = np.radians(150), 0.5
 # Where only one limit stands against the best place, that is asked.
 _FOLLOW = "it does not stand still: shall we follow it?"
+_CANNOT = {"overtake": "there is nothing to overtake", "turn": "we do not turn across its way"}
 _LET_PASS = "it comes towards us: shall we let it pass?"
 # Relations of a place that has to stay where the vehicle is.
 _BESIDE = ("next_to", "left_of", "right_of")
@@ -208,10 +209,11 @@ def plan_place(
     limits = PlaceLimits.of(query, road.traffic_side)
     if (
         item is not None
-        and (query.action == "overtake" or query.relation in _BESIDE or drives_away(query, item))
+        and (query.action in _CANNOT or query.relation in _BESIDE or drives_away(query, item))
         and comes_towards_us(item, road)
+        and query.trigger is None
     ):
-        cannot = "there is nothing to overtake" if query.action == "overtake" else "no place beside it stays"
+        cannot = _CANNOT.get(query.action or "", "no place beside it stays")
         reason = f"it comes towards us at {item.speed_mps:.0f} m/s: {cannot}"
         return GoalPlan(None, (reason,), question=_LET_PASS, instead="give_way", refused=True)
     if item is not None and is_followed(query, item, road):

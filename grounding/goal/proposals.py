@@ -51,7 +51,7 @@ _REFUSALS = {
     "oncoming_lane": "the oncoming lane is for those who come towards us: no place in it will do",
     "red_light": "a red light means stop: it is not to be passed",
     "double_park": "a second row blocks the lane: we stop at the kerb",
-    "push": "another vehicle is not to be touched: we wait behind it or drive around it",
+    "push": "another vehicle or a person is not to be touched: we wait behind or drive around",
 }
 _WHICH_WAY = "the command does not say which way to turn"
 _OFF_ROAD_NOUNS = ("pavement", "sidewalk", "footpath")

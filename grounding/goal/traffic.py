@@ -51,7 +51,8 @@ def _drives_before_us(item: SceneObject, road: RoadMap) -> bool:
 
 
 def comes_towards_us(item: SceneObject, road: RoadMap) -> bool:
-    """Return whether a vehicle ahead of us drives against our direction."""
+    """Return whether a vehicle drives against our direction, and has not passed us."""
     along, _ = (float(each) for each in road.ego_lane.project(item.centre_m))
     against = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) < -_SAME_WAY
-    return bool(item.front_known and against and along > 0 and (item.speed_mps or 0.0) > DRIVING_MPS)
+    ahead = along > -item.length_m
+    return bool(item.front_known and against and ahead and (item.speed_mps or 0.0) > DRIVING_MPS)

@@ -65,6 +65,14 @@ _LEAST_CAR_FIT = 0.3
 _OTHER_BODY_FIT = 0.15
 # Head words that name a second class: a "wagon" is an estate car, or a lorry.
 _SECOND_CLASSES = {"bike": "bicycle", "wagon": "truck", "wagons": "truck"}
+# Head words of kinds that a map may hold as classes of their own: that class, and the noun of their lookalikes.
+_OWN_CLASSES = {
+    **dict.fromkeys(("ambulance", "ambulances"), ("ambulance", "van")),
+    **dict.fromkeys(("police car", "police cars", "cop car", "patrol car", "squad car"), ("police", "car")),
+    **dict.fromkeys(("tram", "trams", "streetcar", "streetcars", "trolley car"), ("tram", "bus")),
+}
+# Fit of lookalikes.
+_LOOKALIKE_FIT = 0.2
 # Head words that are more specific than "car" and "truck".
 _SUVS = ("suv", "jeep", "4x4", "four by four", "crossover")
 _LOW_BODIES = (
@@ -91,6 +99,11 @@ def fit_noun(noun: str, head: str, table: ObjectTable) -> FloatArray:
         return np.array([_CLASS_FIT["person"].get(name, 0.0) for name in table.class_names])
     if noun not in VEHICLE_NOUNS:
         return np.zeros(len(table))
+    if head in _OWN_CLASSES:
+        own, alike = _OWN_CLASSES[head]
+        like = fit_noun(alike, alike, table)
+        fit = np.array([{own: 1.0, "vehicle": 2.0}.get(name, 0.0) for name in table.class_names])
+        return np.where(fit > 1, like, np.maximum(fit, _LOOKALIKE_FIT * like))
     if noun == "vehicle":
         return np.array([{"person": 0.0, "bicycle": 0.2}.get(name, 1.0) for name in table.class_names])
     fit = np.array([_CLASS_FIT[noun].get(name, 0.0) for name in table.class_names])

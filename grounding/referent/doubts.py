@@ -38,7 +38,7 @@ def question_about(
     coloured = f"{referent.colour or ''} {referent.head}".strip()
     if _has_other_colour(referent, row, word_fits, scene):
         return f"no {coloured} is seen: do you mean {describe_one(item, scene)}?"
-    if _has_other_class(referent, row, word_fits, scene):
+    if lacks_class(referent, row, word_fits, scene):
         return f"no {referent.head} is seen: do you mean {describe_one(item, scene)}?"
     where = _out_of_sight(query, referent, row, scene)
     return f"there is no {coloured} ahead, only {where}: do you mean {describe_one(item, scene)}?" if where else ""
@@ -46,7 +46,7 @@ def question_about(
 
 def fits_badly(referent: Referent, row: int, word_fits: Mapping[str, float], scene: SceneModel) -> bool:
     """Return whether an object has another colour or class than the words; arguments as in `question_about`."""
-    return _has_other_colour(referent, row, word_fits, scene) or _has_other_class(referent, row, word_fits, scene)
+    return _has_other_colour(referent, row, word_fits, scene) or lacks_class(referent, row, word_fits, scene)
 
 
 def _has_other_colour(referent: Referent, row: int, word_fits: Mapping[str, float], scene: SceneModel) -> bool:
@@ -54,7 +54,8 @@ def _has_other_colour(referent: Referent, row: int, word_fits: Mapping[str, floa
     return known and word_fits[referent.colour or ""] < _LEAST_COLOUR_FIT
 
 
-def _has_other_class(referent: Referent, row: int, word_fits: Mapping[str, float], scene: SceneModel) -> bool:
+def lacks_class(referent: Referent, row: int, word_fits: Mapping[str, float], scene: SceneModel) -> bool:
+    """Return whether an object is of another class than the noun; arguments as in `question_about`."""
     known = scene.table.class_names[row] != "vehicle" and referent.head in word_fits
     return known and word_fits[referent.head] < _LEAST_CLASS_FIT
 

@@ -11,7 +11,7 @@ import numpy as np
 from grounding.query import Landmark, LandmarkRelation, Query, Referent
 from grounding.referent.clarification import compose_question, describe_differences, describe_one
 from grounding.referent.class_fit import KNOWN_NOUNS, PERSON_NOUNS, VEHICLE_NOUNS
-from grounding.referent.doubts import fits_badly, question_about
+from grounding.referent.doubts import fits_badly, lacks_class, question_about
 from grounding.referent.fuzzy import gaussian
 from grounding.referent.ordinals import find_ordinals
 from grounding.referent.predicates import to_referent
@@ -116,8 +116,11 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
     least_fit = _TIE_FIT * fit[choices[0].row]  # a nearer van is no car like a farther car
     tied = [one for one in choices if one.score > choices[0].score - _TIE_MARGIN and fit[one.row] >= least_fit]
     if len(tied) > 1 and referent.definite:
-        listed = _without_chains(tied)
-        return _ambiguous(referent, _candidates(listed[:limit], scene, scores), len(tied), scene, scores)
+        listed = _candidates(_without_chains(tied)[:limit], scene, scores)
+        asked = _ambiguous(referent, listed, len(tied), scene, scores)
+        absent = all(lacks_class(referent, one.row, _fits_of(one, scores), scene) for one in tied)
+        none_seen = f"no {referent.head} is seen: " if absent else ""
+        return replace(asked, question=none_seen + asked.question)
     candidates = _candidates(choices[:limit], scene, scores)
     question = question_about(sought, referent, choices[0].row, candidates[0].fits, scene)
     if question and fits_badly(referent, choices[0].row, candidates[0].fits, scene):
@@ -286,12 +289,16 @@ def _rank_pairs(
     return [_Choice(*each) for each in zip(first.tolist(), second.tolist(), value.tolist(), strict=True)]
 
 
+def _fits_of(choice: _Choice, scores: ReferentScores) -> dict[str, float]:
+    return {word: float(fit[choice.row]) for word, fit in scores.word_fits.items()}
+
+
 def _candidates(choices: Sequence[_Choice], scene: SceneModel, scores: ReferentScores) -> tuple[Candidate, ...]:
     items = scene.table.items
     return tuple(
         Candidate(
             items[choice.row],
-            {word: float(fit[choice.row]) for word, fit in scores.word_fits.items()},
+            _fits_of(choice, scores),
             choice.score,
             items[choice.partner] if choice.partner >= 0 else None,
         )

@@ -33,6 +33,8 @@ _MOST_ODDS = 6.0
 # Least probability of an action, beside the main one, that stays commanded: "two mins" is no wait, and "I'm walking
 # that way" is nothing to do.
 _LEAST_ACTION, _LEAST_OTHER = 0.05, 0.1
+# Words for any vehicle; the network may know of which class it is.
+_ANY_VEHICLE = ("vehicle", "vehicles", "motor vehicle", "motor vehicles")
 # Probability of the grammar's main action above which it remains the main one.
 _COMMANDED = 0.5
 # Relations of a place on our way, for which a landmark that the grammar finds counts more than a person.
@@ -288,7 +290,8 @@ def _referent(
     kept = tuple(one for one in said.qualifiers if one in qualifiers or one not in QUALIFIERS)
     ordered = (*kept, *(one for one in qualifiers if one not in kept))
     optional = tuple(one for one in said.qualifiers_optional if one not in ordered)
-    named = said.head if said.noun == values["noun"] else head or values["noun"]
+    special = said.noun == "vehicle" and said.head not in _ANY_VEHICLE  # an ambulance is no other van
+    named = said.head if special or said.noun == values["noun"] else head or values["noun"]
     return replace(
         said, noun=values["noun"], head=named, colour=colour, qualifiers=ordered, qualifiers_optional=optional
     )

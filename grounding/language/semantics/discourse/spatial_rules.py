@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from grounding.language.semantics.discourse.command_frames import ENTERABLE
+from grounding.language.semantics.discourse.command_frames import ENTERABLE, CommandFrame
 from grounding.language.semantics.discourse.discourse_state import DiscourseState
 from grounding.language.semantics.discourse.mentions import attach_distance
 from grounding.language.semantics.discourse.relation_attachment import KERBS, attach_target
@@ -57,6 +57,17 @@ def handle_relation(state: DiscourseState, token: Token) -> None:
         state.open_relation = "at" if turns else token.value  # "turn right from the lights"
     if not isinstance(following, NounPhrase):
         _handle_without_noun(state, token)
+    elif frame is not None and token.state == "touching" and _is_touched(state, frame, following):
+        frame.manoeuvre = "push"  # "drive into the van", "park on top of it"
+
+
+def _is_touched(state: DiscourseState, frame: CommandFrame, phrase: NounPhrase) -> bool:
+    """Return whether a command asks for a place that another vehicle or a person takes up."""
+    told = state.event_stated or state.in_relative_clause or state.negated or frame.negated
+    solid = phrase.kind in ("vehicle", "person") and phrase.number == 1
+    moves = frame.verb_class not in ("avoid", "follow", *AWAITING)
+    owns = len(state.remaining) > 1 and isinstance(state.remaining[1], NounPhrase)  # "into the van's space"
+    return solid and moves and not told and not owns
 
 
 def _handle_without_noun(state: DiscourseState, token: Token) -> None:

@@ -32,9 +32,8 @@ def handle_verb(state: DiscourseState, token: Token) -> None:
     conditional = state.clause.connective == "if" and state.subject == "ego"  # "if you parked here"
     conditional = conditional or state.auxiliary.endswith("rather you")  # "I'd rather you parked here"
     command_form = token.form in ("", "ing") or (conditional and token.form == "past")
-    # "It hit my bike" commands nothing; "don't hit it" does.
-    harm = token.value == "danger" and not state.negated
-    may_command = command_form and not harm and token.value != "none" and not state.off_topic
+    stated = _is_danger(token) and not state.negated and not _is_wished(state, token)
+    may_command = command_form and not stated and token.value != "none" and not state.off_topic
     if may_command and (_is_participle_command(state) if token.form == "ing" else _is_base_command(state)):
         start_frame(state, token, "to" if infinitive and state.frame is not None else state.clause.connective)
     else:
@@ -57,6 +56,18 @@ def _completes_awaited_event(state: DiscourseState, token: Token, infinitive: bo
     frame.event = token.event or "other"
     state.event_stated = True
     return True
+
+
+def _is_danger(token: Token) -> bool:
+    return token.value.split()[0] == "danger"
+
+
+def _is_wished(state: DiscourseState, token: Token) -> bool:
+    """Return whether harm is commanded: "hit the van", but not "it hit my bike", "mind you hit nothing"."""
+    alone = state.subject is None and not state.auxiliary and state.frame is None
+    main = state.clause.connective not in (*TEMPORAL, "if", "because", "while", "or", "so")
+    named = bool(state.remaining) and isinstance(state.remaining[0], NounPhrase)
+    return " " in token.value and not token.form and alone and main and named
 
 
 def _is_base_command(state: DiscourseState) -> bool:
@@ -90,8 +101,9 @@ def start_frame(state: DiscourseState, token: Token, connective: str) -> None:
     verb_class, *implied = token.value.split()
     # "Don't hit it" means the same as "avoid it".
     danger = verb_class == "danger"
+    kept, implied = danger and state.negated, [] if state.negated and danger else implied
     frame = CommandFrame(
-        verb_class="avoid" if danger else verb_class,
+        verb_class="avoid" if kept else "other" if danger else verb_class,
         verb=token.text,
         connective=connective,
         start=token.start,
