@@ -26,6 +26,7 @@ from grounding.referent.resolver import (
     Candidate,
     Resolution,
     resolve,
+    resolve_after_turn,
     resolve_exclusions,
     with_partner,
 )
@@ -110,7 +111,8 @@ def answer_steps(
     """
     steps, start = list[Answer](), None
     for request in _turn_beyond(after_turns(requests), scene):
-        steps.append(answer_step(request, scene, limit=limit, start=start))
+        turned = start is not None and steps[-1].query.direction in ("left", "right")
+        steps.append(answer_step(request, scene, limit=limit, start=start, turned=turned))
         if (target := steps[-1].target) is not None:
             start = Pose2D(float(target.ego_m[0]), float(target.ego_m[1]), target.heading_ego_rad)
     failed = next((i for i, step in enumerate(steps) if step.status != "ok"), None)
@@ -212,7 +214,12 @@ def _means_the_same(answer: Answer, other: Answer) -> bool:
 
 
 def answer_step(
-    request: Request, scene: SceneModel, limit: int = MAX_CANDIDATES, start: Pose2D | None = None
+    request: Request,
+    scene: SceneModel,
+    limit: int = MAX_CANDIDATES,
+    start: Pose2D | None = None,
+    *,
+    turned: bool = False,
 ) -> Answer:
     """Answer one step: resolve its referent and plan its goal.
 
@@ -221,6 +228,7 @@ def answer_step(
         scene: the scene of the command.
         limit: largest number of candidates.
         start: pose of the ego when the step begins; None: where it is now.
+        turned: whether the step before turns off to `start`, from where its vehicle is then seen.
 
     Raises:
         AppoccError: if the scene has no map.
@@ -229,7 +237,7 @@ def answer_step(
     reading, road = request.reading, scene.road if start is None else scene.road_from(start)
     if road is None:
         raise AppoccError("grounder: expected a scene with a map, got one without")
-    resolution = _resolve(request, scene, limit)
+    resolution = _resolve(request, scene, limit, start if turned else None)
     if resolution.status != "ok" and request.query.action == "slow_down" and request.query.relation == "none":
         return answer_step(without_referent(request, resolution.reasons), scene, limit, start)
     reasons = (*resolution.reasons, *reading.notes, *_tell_dropped(reading))
@@ -288,10 +296,13 @@ def without(scene: SceneModel, ids: frozenset[str]) -> SceneModel:
     return replace(scene, objects=objects, others=others)
 
 
-def _resolve(request: Request, scene: SceneModel, limit: int) -> Resolution:
-    """Resolve the referent of a step; a settled one is taken."""
+def _resolve(request: Request, scene: SceneModel, limit: int, after: Pose2D | None = None) -> Resolution:
+    """Resolve the referent of a step; a settled one is taken. `after`: pose of the ego after a turn."""
     if request.chosen is None:
-        return resolve(request.query, without(scene, request.ruled_out), limit)
+        left = without(scene, request.ruled_out)
+        if after is not None:
+            return resolve_after_turn(request.query, left, after, limit)
+        return resolve(request.query, left, limit)
     return Resolution("ok", (with_partner(request.chosen, request.query, scene),), ())
 
 

@@ -49,7 +49,7 @@ def counting_prior(referent: Referent, table: ObjectTable) -> FloatArray:
 
 def log_salience(query: Query, referent: Referent, table: ObjectTable) -> FloatArray:
     """Return the log salience (N,): visible objects near the ego, near its path and in front of it are preferred."""
-    behind = includes_behind(referent)
+    behind = includes_behind(referent) or query.manoeuvre == "back"
     distance = np.abs(table.along_m) if behind else np.maximum(table.along_m, 0)
     in_queue = _OCCLUDED_IN_QUEUE * np.ones(len(table))
     if {"ahead", "own_lane"} & {*referent.qualifiers} or query.action in ("follow", "overtake"):

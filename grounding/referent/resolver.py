@@ -19,7 +19,9 @@ from grounding.referent.priors import includes_behind, is_behind
 from grounding.referent.scene import SceneModel
 from grounding.referent.scoring import ReferentScores, note_unmapped, score_objects
 from grounding.referent.spatial_relations import fit_between, footprint_gap_m
+from grounding.road.pose import Pose2D
 from grounding.scene_object import SceneObject
+from grounding.vocabulary import COLOURS
 
 MAX_CANDIDATES = 6
 # Candidates whose log scores differ by less than this are a tie.
@@ -112,9 +114,15 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
     if find_ordinals(referent.qualifiers) and scores.probability[choices[0].row] < _LEAST_ORDINAL_PROBABILITY:
         too_few = _explain_too_few(referent, num_matches)
         return Resolution("not_found", _candidates(choices[:limit], scene, scores), (too_few, *scores.notes))
-    fit = scores.fit
+    choices = _with_named_first(referent, choices, scene)
+    fit, least_score = scores.fit, choices[0].score - _TIE_MARGIN
     least_fit = _TIE_FIT * fit[choices[0].row]  # a nearer van is no car like a farther car
-    tied = [one for one in choices if one.score > choices[0].score - _TIE_MARGIN and fit[one.row] >= least_fit]
+    is_named = _is_named(referent, choices[0], scene)
+    tied = [
+        one
+        for one in choices
+        if one.score > least_score and fit[one.row] >= least_fit and (not is_named or _is_named(referent, one, scene))
+    ]
     if len(tied) > 1 and referent.definite:
         listed = _candidates(_without_chains(tied)[:limit], scene, scores)
         asked = _ambiguous(referent, listed, len(tied), scene, scores)
@@ -134,6 +142,38 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
         reasons.insert(0, f"no people are known here: '{referent.phrase()}' tells where")
     reasons += _explain_nearer(referent, choices[0].row, scores, scene)
     return Resolution("ok", candidates, (*reasons, *scores.notes))
+
+
+def resolve_after_turn(query: Query, scene: SceneModel, after: Pose2D, limit: int = MAX_CANDIDATES) -> Resolution:
+    """Resolve a referent that is spoken of as it is seen once the ego has turned off to a pose; else from here."""
+    by_map = any(part.of == "referent" and part.noun not in KNOWN_NOUNS for part in query.secondary)
+    found = resolve(query, scene if by_map else scene.seen_from(after), limit)
+    if found.status == "not_found" or (found.question and len(found.candidates) < 2):
+        return resolve(query, scene, limit)
+    here = {item.id: item for item in (*scene.objects, *scene.others)}
+    candidates = tuple(
+        replace(one, item=here[one.item.id], partner=here[one.partner.id] if one.partner else None)
+        for one in found.candidates
+    )
+    if found.status == "ok":
+        return replace(found, candidates=candidates)
+    question, differences = _tell_apart(candidates, scene)
+    return replace(found, candidates=candidates, question=question, differences=differences)
+
+
+def _with_named_first(referent: Referent, choices: list[_Choice], scene: SceneModel) -> list[_Choice]:
+    """Return choices with those first that people call just so, if they are in a tie with the best one."""
+    rivals = [one for one in choices if one.score > choices[0].score - _TIE_MARGIN]
+    named = [one for one in rivals if _is_named(referent, one, scene)]
+    return [*named, *(one for one in choices if one not in named)]
+
+
+def _is_named(referent: Referent, choice: _Choice, scene: SceneModel) -> bool:
+    """Return whether people call an object by the very noun and colour."""
+    item = scene.table.items[choice.row]
+    shown = scene.colour_name(item) or ""
+    coloured = COLOURS.get((referent.colour or "").split(" ")[-1], "")
+    return (not coloured or coloured in shown.split(" or ")) and item.common_name in (referent.noun, "vehicle")
 
 
 def _ask_about_fitting(
@@ -310,14 +350,20 @@ def _ambiguous(
     referent: Referent, candidates: tuple[Candidate, ...], num_tied: int, scene: SceneModel, scores: ReferentScores
 ) -> Resolution:
     plural = "people" if referent.noun in PERSON_NOUNS else "pairs" if candidates[0].partner else "vehicles"
+    reason = f"{num_tied} {plural} fit '{referent.phrase()}' about equally well"
+    question, differences = _tell_apart(candidates, scene)
+    return Resolution("ambiguous", candidates, (reason, *scores.notes), question, differences)
+
+
+def _tell_apart(candidates: tuple[Candidate, ...], scene: SceneModel) -> tuple[str, tuple[str, ...]]:
+    """Return the question which of the candidates is meant, and how they differ."""
     shared = _shared_by_all(candidates)
     groups = [tuple(item for item in (one.item, one.partner) if item and item is not shared) for one in candidates]
     differences = describe_differences(groups, scene)
     question = compose_question(differences)
     if shared is not None:
         question = f"{describe_one(shared, scene)}, and which other one: {question}"
-    reason = f"{num_tied} {plural} fit '{referent.phrase()}' about equally well"
-    return Resolution("ambiguous", candidates, (reason, *scores.notes), question, differences)
+    return question, differences
 
 
 def _shared_by_all(candidates: Sequence[Candidate]) -> SceneObject | None:

@@ -98,6 +98,24 @@ class SceneModel:
             self.bev, self.objects, self.ego, start, self.left_hand_traffic, self.landmarks, self.style
         )
 
+    def seen_from(self, pose: Pose2D) -> SceneModel:
+        """Return the objects as they are seen from another pose of the ego, without the map and its landmarks."""
+        paint = dict(zip((*self.objects, *self.others), self.paint_rgb, strict=True))
+        cos, sin = pose.ahead
+        turn, origin = np.array([[cos, sin], [-sin, cos]]), pose.xy_m - self.ego.centre_m * pose.ahead
+
+        def moved(item: SceneObject) -> SceneObject:
+            return replace(
+                item,
+                centre_m=turn @ (item.centre_m - origin),
+                yaw_rad=float(wrap_angle(item.yaw_rad - pose.heading_rad)),
+                velocity_mps=None if item.velocity_mps is None else turn @ item.velocity_mps,
+                rgb=paint[item] if np.isfinite(paint[item]).all() else None,
+            )
+
+        objects, others = (tuple(map(moved, items)) for items in (self.objects, self.others))
+        return replace(self, bev=None, objects=objects, others=others, landmarks=NO_LANDMARKS)
+
     @cached_property
     def unseen_sides(self) -> tuple[str, ...]:
         """Sides of the ego that no camera sees, such as "behind us"."""
