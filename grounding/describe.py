@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from appocc.boxes import is_person_or_bicycle
 from appocc.checks import FloatArray
 from appocc.ego_vehicle import EgoVehicle
@@ -16,7 +14,7 @@ from grounding.referent.resolver import Candidate
 from grounding.referent.scene import SceneModel
 from grounding.scene_object import SceneObject
 
-_AHEAD_M, _ASIDE_M, _FACING_RAD = 3.0, 1.5, np.radians(120)
+_AHEAD_M, _ASIDE_M = 3.0, 1.5
 
 
 def with_article(noun: str) -> str:
@@ -49,7 +47,7 @@ def describe_object(item: SceneObject, scene: SceneModel) -> str:
         named = f"{named} of unknown colour"
     where = f"{named} {item.distance_m(scene.ego):.0f} m away", describe_side(item, scene.ego)
     parts = [*where, describe_motion(item)]
-    if item.front_known and abs(item.yaw_rad) > _FACING_RAD:
+    if item.faces_ego(scene.ego):
         parts.append("facing us")
     return ", ".join(parts)
 

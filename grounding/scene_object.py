@@ -22,6 +22,8 @@ _PLAIN_NOUNS = {
 }
 # A car is called a van from this height on.
 _VAN_HEIGHT_M = 1.95
+# A heading this far from ours is against our way. A vehicle has passed us if its centre is this far behind ours.
+_FACING_RAD, _PASSED_M = np.radians(120), 3.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -86,6 +88,10 @@ class SceneObject:
     def distance_m(self, ego: EgoVehicle) -> float:
         """Return the distance from the ego's centre to the object's centre."""
         return float(np.hypot(self.centre_m[0] - ego.centre_m, self.centre_m[1]))
+
+    def faces_ego(self, ego: EgoVehicle) -> bool:
+        """Return whether its front is towards us: it heads against our way, and has not passed us."""
+        return self.front_known and abs(self.yaw_rad) > _FACING_RAD and self.centre_m[0] > ego.centre_m - _PASSED_M
 
     def footprint(self) -> FloatArray:
         """Return the corners (4, 2) of the footprint in the ego frame."""

@@ -90,7 +90,8 @@ def read_question(text: str, lexicon: Lexicon | None = None) -> Question | None:
     kept = kept[:until]
     about = _about(tuple(words[i] for i in kept), tuple(written[i] for i in kept))
     event = until is not None or (main in _MOTION and words[start] in _PAST)
-    return Question(tuple(spans) if main else (), about, not _US.isdisjoint(words[start:]), event)
+    others = (kind for kind in spans if kind != main)
+    return Question((main, *others) if main else (), about, not _US.isdisjoint(words[start:]), event)
 
 
 def asks_car(text: str, lexicon: Lexicon | None = None) -> bool:

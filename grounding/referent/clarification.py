@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from appocc.ego_vehicle import EgoVehicle
 from grounding.referent.scene import SceneModel
 from grounding.road.lane_model import LANE_M
 from grounding.scene_object import SceneObject
 
 _MAX_NAMED = 4
-_ASIDE_M, _BEHIND_M, _FACING_RAD = 1.5, 2.5, np.radians(120)
+_ASIDE_M, _BEHIND_M = 1.5, 2.5
 # Most distinctive first; the distance always follows.
 _TRAITS = ("colour", "class", "behind", "side", "motion", "lane")
 # One object, or a pair.
@@ -53,8 +51,7 @@ def _traits(item: SceneObject, scene: SceneModel) -> dict[str, str]:
     """Return the words for each trait of an object; '' for a trait that it does not have."""
     _, lateral_m = scene.lanes.project(item.centre_m[None])
     x, y = item.centre_m[0] - scene.ego.centre_m, item.centre_m[1]
-    facing = item.front_known and abs(item.yaw_rad) > _FACING_RAD
-    moves = "coming towards us" if facing else "moving"
+    moves = "coming towards us" if item.faces_ego(scene.ego) else "moving"
     return {
         "colour": scene.colour_name(item) or "",
         "class": item.common_name,

@@ -129,7 +129,8 @@ def _is_stopped(table: ObjectTable) -> FloatArray:
 
 
 def _is_oncoming(table: ObjectTable) -> FloatArray:
-    return is_facing_ego(table) * (0.1 + 0.9 * _is_moving(table))
+    comes = 0.2 + 0.8 * rising(table.xy_m[:, 0], -4.0, 0.5)  # one behind us has passed
+    return is_facing_ego(table) * (0.1 + 0.9 * _is_moving(table)) * comes
 
 
 def _faces_same_way(table: ObjectTable) -> FloatArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from appocc.geometry import wrap_angle
+from appocc.motion_state import MOVING_MPS
 from appocc.polylines import length_m
 from grounding.answer import Answer
 from grounding.describe import describe_object
@@ -51,6 +52,13 @@ def describe_facing(item: SceneObject, scene: SceneModel) -> str:
     return f"{describe_one(item, scene)}: it faces {facing}"
 
 
+def approaches(item: SceneObject) -> bool:
+    """Return whether an object drives towards us, from wherever: not one that has passed."""
+    moves = item.front_known and item.speed_mps is not None and item.speed_mps >= MOVING_MPS
+    towards_rad = np.arctan2(-item.centre_m[1], -item.centre_m[0])
+    return bool(moves and abs(wrap_angle(item.yaw_rad - towards_rad)) < _ALONG_RAD)
+
+
 def describe_gap(goal: Target, scene: SceneModel) -> str:
     """Tell the gap in line with a goal: how long it is, and what is left before and behind us."""
     forward = np.array([np.cos(goal.heading_ego_rad), np.sin(goal.heading_ego_rad)])
@@ -81,10 +89,14 @@ def way_to(goal: Answer | None) -> float | None:
     return sum(lengths) if lengths else None
 
 
+def describe_time(way_m: float) -> str:
+    """Tell a rough time for a way."""
+    return f"some {way_m / _STREET_MPS:.0f} s at {_STREET_MPS:.0f} m/s if nothing holds us up"
+
+
 def describe_way(way_m: float) -> str:
     """Tell the length of a way, and a rough time."""
-    time = f"some {way_m / _STREET_MPS:.0f} s at {_STREET_MPS:.0f} m/s"
-    return f"the way to the goal is {way_m:.0f} m: {time} if nothing holds us up"
+    return f"the way to the goal is {way_m:.0f} m: {describe_time(way_m)}"
 
 
 def find_ahead(scene: SceneModel) -> SceneObject | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -11,8 +11,9 @@ import numpy as np
 from appocc.motion_state import MOVING_MPS
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.fragments import only_named, read_description
+from grounding.dialogue.telling.landmarks import tell_landmarks
 from grounding.dialogue.telling.measures import (
+    approaches,
     describe_facing,
     describe_gap,
     describe_heading,
@@ -37,45 +38,28 @@ from grounding.dialogue.telling.reports import (
     tell_vehicle,
     unknown,
 )
-from grounding.language import Reading, WordCategory
+from grounding.dialogue.telling.things import (
+    DESCRIBING,
+    Things,
+    describe_any,
+    describe_thing,
+    find_things,
+    names_thing,
+)
+from grounding.language import Reading
 from grounding.language.questions import Question, read_question
 from grounding.query import Query, Referent
-from grounding.referent.resolver import MAX_CANDIDATES, Candidate, find_all, resolve
+from grounding.referent.resolver import MAX_CANDIDATES, find_all, resolve
 from grounding.referent.scene import SceneModel
 from grounding.requests import Request
 from grounding.scene_object import SceneObject
 
-# Most vehicles that are told of where the words fit several.
-_MOST_TOLD = 3
 # Centres of vehicles next to each other are at most this far apart.
 _TOGETHER_M = 8.0
 # What holds of every place that is found.
 _KEPT = "the place is on the road, and clear of all vehicles that are seen"
-# Words that describe a thing, besides its place.
-_DESCRIBING = (
-    *(WordCategory.NOUN, WordCategory.MAKE, WordCategory.MODEL, WordCategory.PERSON, WordCategory.COLOUR),
-    *(WordCategory.ONE, WordCategory.SUPERLATIVE, WordCategory.ORDINAL),
-)
 _BEFORE = (f"{NOT_KNOWN}: what it did before",)
 _Teller = Callable[[Conversation, str, Question], Answer | None]
-
-
-@dataclass(frozen=True, eq=False)
-class _Things:
-    """The vehicles and people that a question is about.
-
-    Attributes:
-        found: they, best first.
-        reasons: why there is none.
-    """
-
-    found: tuple[Candidate, ...] = ()
-    reasons: tuple[str, ...] = ()
-
-    @property
-    def items(self) -> list[SceneObject]:
-        """The objects."""
-        return [one.item for one in self.found]
 
 
 def answer_question(talk: Conversation, text: str) -> Answer | None:
@@ -83,75 +67,19 @@ def answer_question(talk: Conversation, text: str) -> Answer | None:
     question = read_question(text, talk.grounder.lexicon)
     if question is None or not question.kind:
         return None
+    if told := tell_landmarks(talk, text, question):
+        return told
     if question.limit:
         return unknown(talk, text, question.limit)
     answer = _ANSWERS.get(question.kind)  # a kind that only tells more of another one is not asked alone
     return answer(talk, text, question) if answer else None
 
 
-def _names(talk: Conversation, words: str) -> bool:
-    """Return whether some words describe a thing by more than a pronoun or a place."""
-    return bool(words) and any(one.category in _DESCRIBING for one in talk.read(words).tokens)
-
-
-def _describe(talk: Conversation, words: str) -> Reading | None:
-    """Return the description of a thing in some words; None if they describe none: a pronoun, or a place alone."""
-    if not _names(talk, words):
-        return None
-    # "What vans are there?" after "the yellow van": a noun is not like what was spoken of, "the red one" is.
-    nouns = any(one.category in (WordCategory.NOUN, WordCategory.PERSON) for one in talk.read(words).tokens)
-    if reading := read_description(words, None if nouns else talk.antecedent, talk.readings):
-        return reading
-    named = only_named(talk.read(words).tokens)  # "it the blue car"
-    return None if named is None else Reading(Query("", referent=named))
-
-
-def _describe_place(talk: Conversation, words: str) -> Reading | None:
-    """Return the description of vehicles at a place: "in front of us"; None for other words."""
-    reading = _describe(talk, f"vehicles {words}")
-    named = reading.query.referent if reading is not None else None
-    placed = reading is not None and (reading.query.secondary or (named is not None and named.qualifiers))
-    return reading if placed else None
-
-
-def _describe_any(talk: Conversation, words: str) -> Reading | None:
-    """Return the description of a thing, or of vehicles at a place: "in front of the bus" is no bus."""
-    tokens = talk.read(words).tokens if words else ()
-    placed = any(one.category in (WordCategory.RELATION, WordCategory.WHERE) for one in tokens[:1])
-    first = _describe_place(talk, words) if placed else _describe(talk, words)
-    return first or (_describe(talk, words) if placed else _describe_place(talk, words))
-
-
-def _find(talk: Conversation, question: Question) -> _Things:
-    """Find what a question is about: a vehicle that it describes, else the one that is spoken of."""
-    reading = _describe(talk, question.words)
-    if reading is None:
-        tokens = talk.read(question.words).tokens if question.words else ()
-        points = any(one.category in (WordCategory.PRONOUN, WordCategory.THAT) for one in tokens)
-        of_us = question.of_us and not points
-        return _Things() if of_us or talk.meant is None else _Things((talk.meant,))
-    spoken_of = None if reading.query.secondary else talk.in_focus(reading.query)
-    if spoken_of is not None:
-        return _Things((spoken_of,))
-    found = resolve(reading.query, talk.scene)
-    if found.status == "not_found" or not found.candidates:
-        return _Things(reasons=found.reasons)
-    if found.status == "ambiguous" and len(found.candidates) == 1:
-        sought = reading.query.referent
-        unsure = f"nothing here is certainly '{sought.phrase() if sought else question.words}'"
-        return _Things(reasons=(unsure, describe_one(found.candidates[0].item, talk.scene)))
-    several = found.status == "ambiguous"
-    things = found.candidates[: _MOST_TOLD if several else 1]
-    if not several and reading.query.referent is not None:
-        talk.state = replace(talk.state, focus=(things[0], reading.query.referent))
-    return _Things(tuple(things))
-
-
 def _tell_each(
     talk: Conversation, text: str, question: Question, tell: Callable[[SceneObject, SceneModel], str]
 ) -> Answer | None:
     """Tell a property of each thing that a question is about; None if it is about none."""
-    things = _find(talk, question)
+    things = find_things(talk, question)
     told = [tell(item, talk.scene) for item in things.items] or things.reasons
     return aside(talk, text, *told) if told else None
 
@@ -173,14 +101,15 @@ def _tell_facing(talk: Conversation, text: str, question: Question) -> Answer | 
     told = _tell_each(talk, text, question, describe_facing)
     goal = talk.state.goal.target if talk.state.goal is not None else None
     if told is None and goal is not None:
-        return aside(talk, text, f"at the goal we face {describe_heading(goal.heading_ego_rad)}")
+        way = f"at the goal we face {describe_heading(goal.heading_ego_rad)}"
+        return aside(talk, text, *_plan_of(talk), way)
     return told
 
 
 def _tell_distance(talk: Conversation, text: str, question: Question) -> Answer | None:
     """Tell how far away a vehicle is; the goal, if no other vehicle is named."""
     way_m = way_to(talk.state.goal)
-    things = _Things() if way_m is not None and not question.words else _find(talk, question)
+    things = Things() if way_m is not None and not question.words else find_things(talk, question)
     told = [describe_one(item, talk.scene) for item in things.items] or [*things.reasons]
     chosen = {step.chosen.item.id for step in talk.state.plan if step.chosen is not None}
     if way_m is not None and (not things.found or things.found[0].item.id in chosen):
@@ -190,7 +119,7 @@ def _tell_distance(talk: Conversation, text: str, question: Question) -> Answer 
 
 def _tell_duration(talk: Conversation, text: str, question: Question) -> Answer:
     way_m, goal = way_to(talk.state.goal), talk.state.goal
-    others = _describe(talk, question.words) is not None
+    others = describe_thing(talk, question.words) is not None
     if others or goal is None or way_m is None or goal.pace is not None:
         return unknown(talk, text, "how long it takes, and what others will do")
     return aside(talk, text, describe_way(way_m))
@@ -200,7 +129,7 @@ def _tell_motion(talk: Conversation, text: str, question: Question, moving: bool
     """Tell whether a vehicle moves, or stands; what we do, if it is about us."""
     if "which" in question.kinds:
         return None
-    things = _find(talk, question)
+    things = find_things(talk, question)
     if not things.found and not things.reasons:
         return _tell_waiting(talk, text, question)
     if len(things.found) != 1:
@@ -215,7 +144,7 @@ def _tell_motion(talk: Conversation, text: str, question: Question, moving: bool
 def _tell_same(talk: Conversation, text: str, question: Question) -> Answer | None:
     """Tell whether a vehicle is one that was spoken of, or that a plan is or was about."""
     state, before = talk.state, talk.meant
-    things = _find(talk, question)
+    things = find_things(talk, question)
     if before is None or not things.found:
         return aside(talk, text, *things.reasons) if things.reasons else None
     chosen = (step.chosen for plan in (state.plan, *state.earlier) for step in plan)
@@ -244,8 +173,8 @@ def _tell_why(talk: Conversation, text: str, question: Question) -> Answer | Non
     """Tell why we are slow or stand, or the reasons of the plan; of others, what they do and that it is open why."""
     state = [one for one in question.kinds if one in ("slow", "moving", "standing", "facing")]
     if not state:
-        return None if _describe(talk, question.words) else tell_reasons(talk, text)
-    things = _Things() if question.of_us else _find(talk, question)
+        return None if describe_thing(talk, question.words) else tell_reasons(talk, text)
+    things = Things() if question.of_us else find_things(talk, question)
     if things.found or things.reasons:
         tell = describe_facing if "facing" in state else describe_one
         told = [tell(item, talk.scene) for item in things.items] or things.reasons
@@ -260,7 +189,7 @@ def _tell_gap(talk: Conversation, text: str, question: Question) -> Answer | Non
     """Tell the gap at the goal, or at the place that is offered."""
     about = talk.state.question or talk.state.goal
     place = None if about is None else about.target or about.plan.nearest
-    if _names(talk, question.words):
+    if names_thing(talk, question.words):
         return tell_room(talk, text, question.words)  # "how big is the gap between the van and the bus?"
     if place is None:
         return unknown(talk, text, "a gap without a goal")
@@ -289,7 +218,7 @@ def _tell_room(talk: Conversation, text: str, question: Question) -> Answer | No
 
 
 def _count(talk: Conversation, text: str, question: Question) -> Answer | None:
-    reading = _describe(talk, question.words)
+    reading = describe_thing(talk, question.words)
     return count(talk, text, "", reading) if reading is not None else None
 
 
@@ -301,11 +230,11 @@ def _tell_found(talk: Conversation, text: str, question: Question) -> Answer | N
         return ask_again(talk, text)
     if which and not question.words:
         return tell_seen(talk, text)
-    reading = _describe_any(talk, question.words)
+    reading = describe_any(talk, question.words)
     sought = reading.query.referent if reading is not None else None
     if reading is None or sought is None or ("who" in question.kinds and sought.anaphora):
         return None  # also "who's that in the red?", which asks for a person
-    plural = any(one.form == "plural" for one in reading.tokens if one.category in _DESCRIBING)
+    plural = any(one.form == "plural" for one in reading.tokens if one.category in DESCRIBING)
     one_only = which and not plural
     here = [] if reading.query.secondary else _all_like(talk, sought)
     if "together" in question.kinds:
@@ -347,6 +276,25 @@ def _tell_what(talk: Conversation, text: str, question: Question) -> Answer | No
     return tell_vehicle(talk, text) if talk.meant is not None else None
 
 
+def _plan_of(talk: Conversation) -> tuple[str, ...]:
+    """Return the plan in force in words; nothing without one."""
+    return describe_goal(talk.state.goal) if talk.state.goal is not None else ()
+
+
+def _tell_case(talk: Conversation, text: str, question: Question) -> Answer:
+    anew = "the plan is made anew from what is seen at each moment"
+    return aside(talk, text, *_plan_of(talk), f"{NOT_KNOWN}: what will happen; {anew}")
+
+
+def _tell_coming(talk: Conversation, text: str, question: Question) -> Answer:
+    """Tell whether anyone drives towards us, and who; all of them stay as they are in the conversation."""
+    reading = describe_any(talk, question.words)
+    named = reading.query.referent if reading is not None else None
+    here = find_all(named or Referent("vehicle", "vehicle"), talk.scene)
+    told = [describe_one(one, talk.scene) for one in here if approaches(one)][:MAX_CANDIDATES]
+    return aside(talk, text, *(["yes", *told] if told else ["no: nothing that is seen comes towards us"]))
+
+
 def _tell_plan(talk: Conversation, text: str, question: Question) -> Answer | None:
     return tell_goal(talk, text) if talk.state.goal or talk.state.question else None
 
@@ -356,6 +304,7 @@ def _tell_open(talk: Conversation, text: str, question: Question) -> Answer:
 
 
 _ANSWERS: Mapping[str, _Teller] = {
+    "case": _tell_case,
     "why": _tell_why,
     "waiting": _tell_waiting,
     "duration": _tell_duration,
@@ -366,6 +315,7 @@ _ANSWERS: Mapping[str, _Teller] = {
     "room": _tell_room,
     "size": _tell_size,
     "same": _tell_same,
+    "coming": _tell_coming,
     "description": _tell_description,
     "facing": _tell_facing,
     "safe": _tell_safe,

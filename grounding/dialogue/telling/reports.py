@@ -16,7 +16,7 @@ from grounding.language import Reading
 from grounding.language.problems import ANSWERABLE
 from grounding.language.questions import read_question
 from grounding.query import Query
-from grounding.referent.resolver import MAX_CANDIDATES, find_all, resolve
+from grounding.referent.resolver import MAX_CANDIDATES, Candidate, find_all, resolve
 from grounding.requests import Request, requests_of
 from grounding.scene_object import SceneObject
 
@@ -176,11 +176,23 @@ def _tell_room_in_force(talk: Conversation, text: str, words: str) -> Answer:
     question, goal = talk.state.question, talk.state.goal
     if question is not None and question.plan.question:
         return replace(ask_again(talk, text), reasons=("no", *question.reasons))
+    if question is not None and question.question and question.candidates and talk.state.request is not None:
+        return _tell_room_at_each(talk, text, talk.state.request, question.candidates)
     described = read_description(words, talk.antecedent, talk.readings)
     named = described.query.referent if described is not None else None
     if goal is None or question is not None or (named is not None and not named.anaphora):
         return not_understood(talk, text, talk.read(text))
     return inform(talk, text, "yes: there is room for us at the goal")
+
+
+def _tell_room_at_each(talk: Conversation, text: str, request: Request, candidates: Sequence[Candidate]) -> Answer:
+    """Tell whether there is room at each of the vehicles of the open question, which stays open."""
+    told = list[str]()
+    for one in candidates:
+        answer = talk.answer_steps(talk.state.with_request(replace(request, chosen=one)), talk.state.at)
+        room = "yes" if answer.status == "ok" else "no"
+        told.append(f"{room}, if the {describe_object(one.item, talk.scene)} is meant")
+    return aside(talk, text, *told)
 
 
 def propose(talk: Conversation, text: str, requests: Sequence[Request]) -> Answer:

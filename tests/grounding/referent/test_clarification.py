@@ -81,3 +81,8 @@ def test_pairs_are_described_by_both_vehicles() -> None:
     texts = describe_differences([(a, b), (b, c)], scene)
     assert texts[0] == "the white car, 8 m ahead, and the black car, 17 m ahead"
     assert compose_question(texts) == f"{texts[0]}; or {texts[1]}?"
+
+
+def test_one_that_has_passed_does_not_face_us() -> None:
+    scene = Street().car("coming", 20, 4, yaw_rad=np.pi).car("passed", -20, 4, yaw_rad=np.pi).scene()
+    assert {item.id: item.faces_ego(scene.ego) for item in scene.objects} == {"coming": True, "passed": False}
