@@ -175,7 +175,7 @@ class Grounder:
         answers = [answer_reading(reading, scene, self.config.max_candidates) for reading in commands]
         # The readings come best first, and so the first of several equal answers wins; what is forbidden stays so.
         forbidden = answers[0].plan.refused and not answers[0].question
-        best = answers[0] if forbidden else max(answers, key=lambda answer: answer.score)
+        best = answers[0] if forbidden else max(_unasked(answers), key=lambda answer: answer.score)
         if not scene.unseen_sides:
             return best
         return replace(best, reasons=(*best.reasons, unseen_reason(scene.unseen_sides)))
@@ -203,3 +203,9 @@ class Grounder:
         if other.problem and reading.problem:
             return answer
         return reconcile(answer, self.best_answer((other,)))
+
+
+def _unasked(answers: Sequence[Answer]) -> list[Answer]:
+    """Return the answers of readings, best first, without questions that a likelier reading settles."""
+    settled = next((i for i, one in enumerate(answers) if one.status == "ok"), len(answers))
+    return [one for i, one in enumerate(answers) if i <= settled or one.status == "ok"]

@@ -34,6 +34,7 @@ _POSTMODIFIERS = {
     "opposite_side": "on the opposite side",
     "own_side": "on our side",
     "same_way": "facing the same way as us",
+    "facing_us": "facing us",
     "ahead": "ahead",
     "behind_ego": "behind us",
     "beside_ego": "beside us",
@@ -42,7 +43,7 @@ _POSTMODIFIERS = {
     "own_lane": "in our lane",
 }
 # Qualifiers that the labelled command files do not have.
-_NOT_LABELLED = ("beside_ego", "at_end")
+_NOT_LABELLED = ("beside_ego", "at_end", "facing_us")
 
 
 @dataclass(frozen=True)

@@ -69,8 +69,18 @@ Manoeuvre = Literal[
     "red_light",
     "push",
     "double_park",
+    "off_road",
+    "speeding",
 ]
-REFUSED: tuple[str, ...] = ("pavement", "oncoming_lane", "red_light", "push", "double_park")
+REFUSED: tuple[str, ...] = (
+    "pavement",
+    "oncoming_lane",
+    "red_light",
+    "push",
+    "double_park",
+    "off_road",
+    "speeding",
+)
 ACTIONS: tuple[str, ...] = get_args(Action)
 RELATIONS: tuple[str, ...] = get_args(Relation)[1:]  # without "none"
 STATES: tuple[str, ...] = get_args(State)

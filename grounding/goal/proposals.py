@@ -52,6 +52,8 @@ _REFUSALS = {
     "red_light": "a red light means stop: it is not to be passed",
     "double_park": "a second row blocks the lane: we stop at the kerb",
     "push": "another vehicle or a person is not to be touched: we wait behind or drive around",
+    "off_road": "beside the road there is no place for a car",
+    "speeding": "a speed limit is not to be broken",
 }
 _WHICH_WAY = "the command does not say which way to turn"
 _OFF_ROAD_NOUNS = ("pavement", "sidewalk", "footpath")
@@ -99,6 +101,9 @@ def explain_refusal(query: Query) -> str:
         and not on_foot
         for part in query.secondary
     )
+    unheeded = query.action == "other" and any(one.relation == "for" for one in query.excluded)
+    if unheeded and any(one.noun in PERSON_NOUNS for one in query.excluded):
+        return "people go first: we stop for them"
     return _REFUSALS.get("pavement" if onto else query.manoeuvre or "", "")
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from grounding.query import LandmarkRole, Query
+from grounding.vocabulary import ORDINALS
 
 MAX_READINGS = 6
 _STOPPING_ACTIONS = ("park", "stop", "pull_over")
@@ -40,6 +41,8 @@ def _move_side_to_goal(query: Query, postmodifiers: Sequence[str]) -> Query | No
     referent = query.referent
     if referent is None or query.action not in _STOPPING_ACTIONS or query.relation == "none" or query.goal_side:
         return None
+    if any(word in (*ORDINALS, "last") for word in referent.qualifiers):
+        return None  # "the third car on the left": it is counted there
     for side in ("left", "right"):
         word = f"{side}_side"
         if word in referent.qualifiers and word in postmodifiers:

@@ -198,7 +198,8 @@ def _phrase(query: Query) -> str:
     if query.action == "other" and query.road_side is None:
         return "carry on as before"
     action = (query.action or "").replace("_", " ")
-    relation = "" if query.relation == "none" else query.relation.replace("_", " ")
+    told = query.relation == "none" or action.endswith(query.relation)  # "drive past"
+    relation = "" if told else query.relation.replace("_", " ")
     vehicle = f"the {query.referent.phrase()}" if query.referent else ""
     action = "stop" if query.action == "other" else action
     part = query.secondary[0].noun.replace("_", " ") if query.landmark == "secondary" and query.secondary else ""

@@ -193,6 +193,7 @@ QUALIFIERS: Mapping[str, Callable[[ObjectTable], FloatArray]] = {
     "moving": _is_moving,
     "oncoming": _is_oncoming,
     "same_way": _faces_same_way,
+    "facing_us": is_facing_ego,
     "turning": _make_turn_predicate(0),
     "turning_left": _make_turn_predicate(1),
     "turning_right": _make_turn_predicate(-1),

@@ -28,6 +28,8 @@ _LATERAL_M, _LATERAL_SCALE_M = 6.0, 16.0
 _INDEFINITE_SCALE_M = 15.0
 # Least plausibility of an object for an action.
 _LEAST_PLAUSIBILITY = 0.3
+# Relations to vehicles that stand in line with the place, and plausibility of one on the other side than the place.
+_ALONG_SIDE, _OTHER_SIDE = ("behind", "in_front_of", "before", "past", "between"), 0.1
 # Prediction times for crossing the ego path, and the speed of people who stand.
 _PREDICTION_TIMES_S, _WALKING_MPS = (0.0, 2.0, 4.0), 1.2
 
@@ -117,6 +119,9 @@ def log_action_prior(query: Query, table: ObjectTable) -> FloatArray:
         fit = 0.15 + 0.85 * standing
     elif query.action == "stop" and query.relation not in ("none", "at", "toward"):
         fit = 0.5 + 0.5 * standing
+    if query.goal_side is not None and query.relation in _ALONG_SIDE:
+        side = 1 if query.goal_side == "left" else -1
+        fit = fit * (_OTHER_SIDE + (1 - _OTHER_SIDE) * rising(side * table.lateral_m, 0.5, 0.3))
     if query.trigger in ("pass", "turn", "merge") and query.action not in ("give_way", "wait"):
         fit = fit * (1 - 0.85 * standing)
     return np.asarray(np.log(_LEAST_PLAUSIBILITY + (1 - _LEAST_PLAUSIBILITY) * fit))

@@ -26,6 +26,8 @@ from grounding.vocabulary import COLOURS
 MAX_CANDIDATES = 6
 # Candidates whose log scores differ by less than this are a tie.
 _TIE_MARGIN = np.log(1.5)
+# The same for one that fits the words as well as the best of a tie.
+_FITTING_MARGIN = np.log(2.0)
 # Share of the fit of the best one in the words that one in a tie has at least.
 _TIE_FIT = 0.5
 # Least probability of the object that an ordinal counts to.

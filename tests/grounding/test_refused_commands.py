@@ -32,6 +32,11 @@ def ask(text: str) -> Answer:
         "slow down and smash the white car",
         "drive through the red car",
         "go over the red car",
+        "back into the white car",
+        "squeeze into the blue car",
+        "stop inside the white car",
+        "tailgate the blue car",
+        "cut off the white car",
     ],
 )
 def test_harm_is_refused(text: str) -> None:
@@ -50,10 +55,51 @@ def test_harm_is_refused(text: str) -> None:
         "stop next to the white car before we hit the blue one",
         "that bike hit my car, stop beside the white one",
         "pull in to the right behind the white car",
+        "back into the space behind the white car",
+        "mind you don't cut off the white car",
+        "never tailgate the blue car, just follow it",
+        "get off the road",
+        "speed up a little",
+        "stop, but not for the man",
     ],
 )
 def test_to_avoid_harm_and_to_come_near_is_not_refused(text: str) -> None:
     assert not ask(text).plan.refused
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("drive off the road", "beside the road"),
+        ("cut across the lawn", "beside the road"),
+        ("go faster than the limit", "speed limit"),
+        ("break the speed limit", "speed limit"),
+        ("drive on and don't stop for the pedestrians", "people go first"),
+        ("keep going, don't brake for the woman", "people go first"),
+        ("drive through the pedestrians", "not to be touched"),
+        ("knock the man over", "not to be touched"),
+        ("plough into the people", "not to be touched"),
+    ],
+)
+def test_what_no_driver_should_do_is_refused_with_a_reason(text: str, reason: str) -> None:
+    answer = ask(text)
+    assert answer.plan.refused, answer.text()
+    assert reason in answer.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "speed"),
+    [
+        ("drive at 20 km/h behind the white car", "20 kmph"),
+        ("follow the blue car at 30kmh", "30 kmph"),
+        ("keep to 20 miles an hour and stop behind the blue car", "20 mph"),
+    ],
+)
+def test_a_speed_is_no_distance(text: str, speed: str) -> None:
+    answer = ask(text)
+    assert answer.query.distance_m is None
+    assert answer.dropped == ()
+    assert any(f"not planned: '{speed}'" in reason for reason in answer.reasons)
 
 
 @pytest.mark.parametrize(

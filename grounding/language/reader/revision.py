@@ -185,7 +185,12 @@ def _by_network(query: Query, evidence: Evidence, prediction: Prediction) -> Que
     nameless = query.unresolved and not (prediction.head or evidence.dropped or evidence.unknown)
     if by_scene or nameless:
         values["noun"] = NONE
-    return _with_values(query, _in_words_of(query, values), prediction)
+    read = _with_values(query, _in_words_of(query, values), prediction)
+    if evidence.whole and query.referent is not None and read.referent is not None:  # its words stay
+        said = query.referent.qualifiers
+        more = (one for one in read.referent.qualifiers if one not in said)
+        read = replace(read, referent=replace(read.referent, qualifiers=(*said, *more)))
+    return read
 
 
 def _in_words_of(query: Query, values: dict[str, str]) -> dict[str, str]:

@@ -81,7 +81,9 @@ def _is_off_topic(thing: NounPhrase | None) -> bool:
 
 
 def _classify_park(frame: CommandFrame) -> str:
-    """Classify "park"; "pull into the parking lot" is a turn."""
+    """Classify "park"; "pull into the parking lot" is a turn, "back into the van" does harm."""
+    if frame.target_is_object and frame.verb.endswith("into") and not frame.has_spot:
+        frame.manoeuvre = "push"
     pulls_in = frame.verb.startswith("pull") and frame.relation not in _BESIDE_TARGET
     return "turn" if pulls_in and frame.has_landmark(*_LOTS, "road") else "park"
 

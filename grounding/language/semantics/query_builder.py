@@ -380,7 +380,9 @@ def _exclusions(discourse: Discourse) -> Iterator[Exclusion]:
         if noun and phrase.kind != "part":
             qualifiers = tuple(phrase.qualifiers or found.qualifiers)
             colour = phrase.colour or found.colour
-            yield Exclusion(cast(LandmarkRelation | None, relation), noun, colour, qualifiers, phrase.distance_m)
+            rival = relation == "at" and target is not None and found is not target  # "beside it, not at the red one"
+            where = cast(LandmarkRelation | None, None if rival else relation)
+            yield Exclusion(where, noun, colour, qualifiers, phrase.distance_m)
 
 
 def _referent_exclusions(referent: NounPhrase | None) -> Iterator[Exclusion]:

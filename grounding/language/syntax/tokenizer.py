@@ -19,6 +19,8 @@ _NUMBER = re.compile(r"\d{1,9}(?:\.\d{1,9})?")
 _SIGN_WORDS = {"@": "at", "w/o": "without", "b/w": "between", "w/": "with", "an'": "and", "o'": "of", "wi'": "with"}
 _SIGNS = re.compile(r"@|\b(?:w/o|b/w|w/|an'|o'|wi')(?!\w)")
 _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d{1,2} ?(?:m|met(?:er|re)s?|feet|foot|ft|yards?|km)\b)")
+# "km/h" and "miles an hour" are one word; "30kmh" is taken apart later.
+_SPEED_UNIT = re.compile(r"(?<![a-z])(?:(?:kms?|kilomet(?:er|re)s?|miles?) ?(?:/|an?|per) ?h(?:ou)?r?|km/?h|kph)\b")
 _WILL = re.compile(r"\b(he|she|it|they)'ll\b")
 _MARKS = {",": WordCategory.COMMA} | dict.fromkeys(".;!?", WordCategory.BREAK)
 
@@ -65,7 +67,7 @@ def normalise(text: str) -> str:
     folded = _DECIMAL_COMMA.sub(".", re.sub(r"(?<=\d),(?=\d{3}\b)", "", folded))
     folded = re.sub(r"(?<!\S)[-−](?=\d)", "minus ", folded)
     folded = re.sub(r"(?<=\w)[-‐‑](?=\w)", " ", folded)
-    folded = re.sub(r"\b(km|kilomet(?:er|re)s?|miles?) ?(?:/|an?|per) ?h(?:our|r)?\b", r"\1 per hour", folded)
+    folded = _SPEED_UNIT.sub(lambda found: "mph" if found.group()[:2] == "mi" else "kmph", folded)
     folded = re.sub(r"[–—:()/\"]|(?<=\s)-", " , ", folded)
     return " ".join("".join(c if c.isprintable() else " " for c in folded).split())
 

@@ -8,7 +8,7 @@ from grounding.language.semantics.discourse.mentions import add_mention, attach_
 from grounding.language.syntax.noun_phrases import PLACE_KINDS, NounPhrase
 
 # Edges of the road, relations of a place along them, and verbs that end there.
-KERBS = ("kerb", "curb", "roadside", "kerbside", "curbside")
+_KERBS = ("kerb", "curb", "roadside", "kerbside", "curbside")
 _AT_KERB, _STANDING = ("toward", "near", "next_to", "at"), ("park", "stop", "pull_over")
 # Kinds of noun phrases that a frame may be about.
 TARGET_KINDS = ("vehicle", "traffic", "pronoun", "one", "person")
@@ -108,16 +108,26 @@ def attach_target(state: DiscourseState, relation: str, phrase: NounPhrase) -> N
     else:
         noun = state.open_phrase
         host = noun if noun is not None and noun.kind == "vehicle" else frame.target
+        if relation not in ("in", "with"):  # clothes
+            _name_alike(state, host, phrase)
         host.related.append((relation, phrase))
         add_mention(state, phrase, "landmark")
         attach_distance(state, "descriptor")
+
+
+def _name_alike(state: DiscourseState, host: NounPhrase, phrase: NounPhrase) -> None:
+    """Give "one" the noun of the vehicle beside it: "the blue car after the yellow one", "the one behind the van"."""
+    if phrase.kind == "one" and host.kind == "vehicle":
+        phrase.take_noun(host)
+    elif host.kind == "one" and all(one.kind != "vehicle" for one, _ in state.discourse.mentions):
+        host.kind = host.noun = "vehicle"
 
 
 def attach_kerb(state: DiscourseState, relation: str, phrase: NounPhrase) -> bool:
     """Put the goal at our kerb, at the open distance: "1 m from the kerb"; return whether the phrase is the kerb."""
     frame = state.host_frame
     reached = relation == "toward" and frame.verb_class == "stop" and state.open_distance_m is None
-    if phrase.head not in KERBS or reached:  # "pull up to the kerb" names a place, "nose in to the kerb" a manner
+    if phrase.head not in _KERBS or reached:  # "pull up to the kerb" names a place, "nose in to the kerb" a manner
         return False
     attach_distance(state, "kerb")
     if frame.target is None and frame.verb_class in _STANDING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from grounding.language.semantics.discourse.command_frames import ENTERABLE, CommandFrame
 from grounding.language.semantics.discourse.discourse_state import DiscourseState
 from grounding.language.semantics.discourse.mentions import attach_distance
-from grounding.language.semantics.discourse.relation_attachment import KERBS, attach_target
+from grounding.language.semantics.discourse.relation_attachment import attach_target
 from grounding.language.semantics.discourse.repairs import replace_side
 from grounding.language.semantics.discourse.verb_rules import AWAITING
 from grounding.language.syntax.noun_phrases import VEHICLE_KINDS, NounPhrase
@@ -32,6 +32,8 @@ _IN_LINE = (
     "my tail",
     "before us",
 )
+# Beginnings of such phrases: "straight ahead".
+_STRAIGHT = ("straight ", "dead ", "directly ")
 # Sides that are named by their traffic, as sides of a goal.
 _SIDES_BY_TRAFFIC = {"opposite": "opposite", "own": "kerb"}
 # Places of vehicles that say nothing of a goal: "stop next to us".
@@ -64,7 +66,7 @@ def handle_relation(state: DiscourseState, token: Token) -> None:
 def _is_touched(state: DiscourseState, frame: CommandFrame, phrase: NounPhrase) -> bool:
     """Return whether a command asks for a place that another vehicle or a person takes up."""
     told = state.event_stated or state.in_relative_clause or state.negated or frame.negated
-    solid = phrase.kind in ("vehicle", "person") and phrase.number == 1
+    solid = phrase.kind == "person" or (phrase.kind == "vehicle" and phrase.number == 1)
     moves = frame.verb_class not in ("avoid", "follow", *AWAITING)
     owns = len(state.remaining) > 1 and isinstance(state.remaining[1], NounPhrase)  # "into the van's space"
     return solid and moves and not told and not owns
@@ -176,7 +178,7 @@ def handle_side(state: DiscourseState, token: Token) -> None:
 def handle_here(state: DiscourseState, token: Token) -> None:
     """Put the goal at our kerb: "stop by the kerb"; other words for here add nothing."""
     noun, frame = state.open_phrase, state.frame
-    at_kerb = token.text.split()[-1] in KERBS and (noun is None or noun.kind not in VEHICLE_KINDS)
+    at_kerb = token.value == "kerb" and (noun is None or noun.kind not in VEHICLE_KINDS)
     if at_kerb and frame is not None and frame.verb_class in _STANDING and not state.negated:
         frame.side = frame.side or "kerb"
 
@@ -218,8 +220,9 @@ def _qualify_open_phrase(state: DiscourseState, token: Token) -> bool:
         colour, qualifiers = noun.excluded[-1]
         noun.excluded[-1] = colour, (*qualifiers, token.value)
         return True
-    noun.add_qualifier(token.value)
-    noun.in_line = noun.in_line or token.text.endswith(_IN_LINE)
+    for value in filter(None, (token.state, token.value)):  # "driving ahead of us"
+        noun.add_qualifier(value)
+    noun.in_line = noun.in_line or token.text.endswith(_IN_LINE) or token.text.startswith(_STRAIGHT)
     return True
 
 
