@@ -18,7 +18,7 @@ import numpy as np
 from grounding.language.reader.fields import FIELDS, NONE, QUALIFIERS, VEHICLES
 from grounding.language.reader.network import Numbers, Prediction
 from grounding.query import Landmark, Query, Referent
-from grounding.vocabulary import REFUSED, Action
+from grounding.vocabulary import REFUSED, STATES, Action
 
 # Least probability of a value that counts.
 _LEAST = 1e-4
@@ -27,7 +27,7 @@ _LEAST = 1e-4
 _TRUST_WHOLE, _TRUST = 3.5, 1.0
 # Least log odds at which a sentence is a command that the grammar takes for none, and at which it remains one: the
 # weights are fitted on sentences of which seven in eight are commands.
-_LEAST_ODDS, _LEAST_ODDS_KEPT = 2.5, 1.0
+_LEAST_ODDS, _LEAST_ODDS_KEPT, _LEAST_ODDS_REFUSED = 2.5, 1.0, 0.0
 # Log odds of a command beyond which they tell no more of its reading.
 _MOST_ODDS = 6.0
 # Least probability of an action, beside the main one, that stays commanded: "two mins" is no wait, and "I'm walking
@@ -156,7 +156,7 @@ def choose(
         if odds < _LEAST_ODDS:
             return query, ()
         return command_of(query.command, prediction), (("status", "reject", "ok"),)
-    if odds < _LEAST_ODDS_KEPT and query.manoeuvre not in REFUSED:
+    if odds < (_LEAST_ODDS_REFUSED if query.manoeuvre in REFUSED else _LEAST_ODDS_KEPT):
         return Query(query.command), (("status", "ok", "reject"),)
     other = _by_network(query, evidence, prediction)
     gain = log_probability(query, prediction) - log_probability(other, prediction)
@@ -186,10 +186,10 @@ def _by_network(query: Query, evidence: Evidence, prediction: Prediction) -> Que
     if by_scene or nameless:
         values["noun"] = NONE
     read = _with_values(query, _in_words_of(query, values), prediction)
-    if evidence.whole and query.referent is not None and read.referent is not None:  # its words stay
-        said = query.referent.qualifiers
-        more = (one for one in read.referent.qualifiers if one not in said)
-        read = replace(read, referent=replace(read.referent, qualifiers=(*said, *more)))
+    if evidence.whole and query.referent is not None and read.referent is not None:  # it moves as is said
+        qualifiers = read.referent.qualifiers
+        moves = (one for one in query.referent.qualifiers if one in STATES and one not in qualifiers)
+        read = replace(read, referent=replace(read.referent, qualifiers=(*moves, *qualifiers)))
     return read
 
 

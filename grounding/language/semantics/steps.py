@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import cast
 
 from grounding.language.replies import words_end
 from grounding.language.semantics.discourse.command_frames import Discourse
 from grounding.language.semantics.discourse.coreference import resolve_anaphor
 from grounding.language.semantics.main_action import SIDE_CONNECTIVES, Intent, MainIntent
 from grounding.query import Direction, Query
+from grounding.vocabulary import LANDMARK_KINDS, Relation
 
 # Actions that end where the ego stands, and actions that hold until their event.
 _STANDING = ("park", "stop", "pull_over")
@@ -106,11 +108,23 @@ def _same_vehicle(one: Query, other: Query) -> bool:
     return replace(one.referent, anaphora=other.referent.anaphora) == other.referent
 
 
+def _drive_to_wait(step: Query) -> list[tuple[bool, Query]]:
+    """Return the stop at the landmark where a step waits: "wait at the junction until the bus has passed"."""
+    where = next((one for one in step.secondary if one.of == "goal" and one.noun in LANDMARK_KINDS), None)
+    if where is None:
+        return []
+    relation = cast(Relation, where.relation)
+    stop = Query(step.command, "stop", ("stop",), relation=relation, landmark="secondary", secondary=(where,))
+    return [(False, stop)]
+
+
 def _await(
     discourse: Discourse, pair: tuple[bool, Query], commands: Sequence[Intent], query_of: QueryOf
 ) -> list[tuple[bool, Query]]:
     """Return a step after the wait for its event, if it has one: "after the bus leaves, turn left"."""
     is_main, step = pair
+    if step.trigger is not None and step.action in _HOLDING:
+        return [*_drive_to_wait(step), pair]
     if step.trigger is None or step.action in _HOLDING:
         return [pair]
     intent = next((one for one in commands if one.frame.event == step.trigger), None)

@@ -1,4 +1,4 @@
-"""What a sentence says of a vehicle stays with it: its side where it is counted, its motion, its facing, its order."""
+"""What a sentence says of a thing stays with it: its side where it is counted, its motion, its facing, its order."""
 
 from __future__ import annotations
 
@@ -57,3 +57,37 @@ def test_the_side_is_our_kerb(text: str) -> None:
     query = parse(text).query
     assert query.road_side == "kerb" or query.action == "pull_over"
     assert query.secondary == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "noun"),
+    [
+        ("pull over on the other side of the crossing", "crossing"),
+        ("let me out on the far side of the junction", "junction"),
+        ("park on the far side of the intersection", "intersection"),
+    ],
+)
+def test_the_far_side_of_a_landmark_is_past_it(text: str, noun: str) -> None:
+    query = parse(text).query
+    assert [(one.noun, one.relation) for one in query.secondary] == [(noun, "past")]
+    assert query.road_side is None
+
+
+@pytest.mark.parametrize("text", ["park on the far side of the road", "stop on the other side of the street"])
+def test_the_far_side_of_the_road_is_across_it(text: str) -> None:
+    assert parse(text).query.road_side == "opposite"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "wait at the crossing until the bus has passed",
+        "wait at the stop line till the red car is gone",
+        "hold on at the junction until the truck has turned",
+    ],
+)
+def test_to_wait_at_a_landmark_is_to_stop_there_first(text: str) -> None:
+    reading = parse(text)
+    assert [one.action for one in reading.steps] == ["stop", "wait"]
+    assert [one.relation for one in reading.steps[0].secondary] == ["at"]
+    assert reading.query.trigger is not None

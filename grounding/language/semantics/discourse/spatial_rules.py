@@ -209,6 +209,8 @@ def _qualify_open_phrase(state: DiscourseState, token: Token) -> bool:
     departing = noun is not None and any(word in _DEPARTING for word in noun.postmodifiers[-1:])
     if state.event_stated or (departing and token.category is WordCategory.WHERE):
         return True
+    if noun is not None and noun.kind == "thing" and token.value == "ahead":
+        noun.add_qualifier(token.value)
     if noun is None or noun.kind in ("thing", "region", "spot", "part"):
         return noun is not None and noun.kind == "thing"
     attach_distance(state, "descriptor")
