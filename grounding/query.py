@@ -10,7 +10,7 @@ from grounding.vocabulary import Action, Manoeuvre, Pace, Relation, Trigger
 # Relations of landmarks and exclusions, in addition to those of the goal.
 Placement = Literal["in", "into", "on", "until", "around"]
 # "with" and "of" come only from the parser: "the driver with the dog".
-LandmarkRelation = Relation | Placement | Literal["with", "of"]
+LandmarkRelation = Relation | Placement | Literal["with", "of", "for"]
 # The thing that has the relation to the landmark; "inverse": the landmark has it to the referent.
 LandmarkRole = Literal["goal", "referent", "inverse"]
 # Origin of the goal relation: the referent or the first landmark.
