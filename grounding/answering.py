@@ -336,7 +336,7 @@ def _plan(
     item, partner = (candidate.item, candidate.partner) if candidate else (None, None)
     held = None if request.held is None else hold_goal(request.held, scene, road)
     goal_plan = held or plan_place(query, scene, road, item, partner, exclusions, start)
-    unknown = item is None and query.landmark == "secondary" and landmark_of(query) is None
+    unknown = item is None and query.landmark == "secondary" and query.secondary and landmark_of(query) is None
     if held is None and unknown and not goal_plan.refused:
         # The map does not hold the landmark: report the goal as the nearest free place and not as the answer.
         landmark = query.secondary[0].noun.replace("_", " ")

@@ -14,6 +14,9 @@ from grounding.referent.resolver import Candidate
 from grounding.referent.scene import SceneModel
 from grounding.scene_object import SceneObject
 
+# Actions of a stop.
+STOPS = ("park", "stop", "pull_over", "approach")
+
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
@@ -59,7 +62,34 @@ class Request:
 
 def requests_of(reading: Reading) -> tuple[Request, ...]:
     """Return the steps of a reading in order."""
-    return tuple(Request(reading=reading.with_query(step)) for step in reading.steps)
+    return join_drives(tuple(Request(reading=reading.with_query(step)) for step in reading.steps))
+
+
+def join_drives(requests: Sequence[Request]) -> tuple[Request, ...]:
+    """Return steps in which driving on to a stop is no step of its own: "go 30 metres and park on the right"."""
+    joined = list[Request]()
+    for request in requests:
+        stop = _after_drive(joined[-1].query, request.query) if joined else None
+        if stop is not None:
+            request = replace(request, reading=request.reading.with_query(stop))
+            joined.pop()
+        joined.append(request)
+    return tuple(joined)
+
+
+def _after_drive(drive: Query, stop: Query) -> Query | None:
+    """Return the query of a stop at the end of a drive that has no other end; None for other steps."""
+    anywhere = drive.relation == "none" and not (
+        drive.referent or drive.secondary or drive.trigger or drive.unresolved
+    )
+    onward = drive.action == "other" and drive.direction in (None, "straight") and drive.manoeuvre in (None, "onward")
+    if not (anywhere and onward and stop.action in STOPS) or stop.trigger or stop.manoeuvre:
+        return None
+    if drive.distance_m is None:  # "keep straight for now", "then stop in 20 metres": from where we are
+        return stop if stop.distance_of == "ego" else None
+    if stop.relation != "none" or stop.distance_m is not None or stop.referent or stop.secondary or stop.unresolved:
+        return None
+    return replace(stop, distance_m=drive.distance_m, distance_of="ego")
 
 
 def after_turns(requests: Sequence[Request]) -> Sequence[Request]:

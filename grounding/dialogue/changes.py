@@ -28,6 +28,7 @@ from grounding.language.reader.fields import unlearnt_qualifiers
 from grounding.language.replies import Reply, named_distance
 from grounding.language.revised_readings import evidence_of
 from grounding.query import Query, Referent
+from grounding.referent.ordinals import find_ordinals
 from grounding.referent.predicates import to_referent
 from grounding.referent.resolver import Candidate, resolve
 from grounding.requests import Request
@@ -52,7 +53,7 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
     base = request.query
     antecedent = talk.antecedent or (None if base.referent else Referent("vehicle", "one"))
     if turn is not None and turn.act in ("place", "describe") and turn.is_plain:
-        named = _place_of(talk, text, reply, turn, None)
+        named = _beside_another(talk, reply, turn, base) or _place_of(talk, text, reply, turn, None)
         return _replace(talk, text, named, request) if named is not None else None
     only_places = turn is not None and turn.act == "place" and turn.described(None) is None
     if not only_places and (both := describe_and_place(reply.rest, base, antecedent, talk.readings)):
@@ -126,6 +127,19 @@ def _place_of(
     return Reading(place)
 
 
+def _beside_another(talk: Conversation, reply: Reply, turn: Turn, base: Query) -> Reading | None:
+    """Return the grammar's place at a vehicle that is told by its neighbour: "behind the first car after it".
+
+    None where the reader of turns, which knows no neighbours, finds another place, or another vehicle.
+    """
+    reading, named = complete(reply.rest, base, talk.antecedent, talk.readings, whole=True), turn.described(None)
+    own = reading.query.referent if reading is not None else None
+    if reading is None or own is None or named is None or reading.query.relation != turn.relation:
+        return None
+    beside = any(one.of == "referent" for one in reading.query.secondary)
+    return reading if beside and (own.noun, own.colour) == (named.noun, named.colour) else None
+
+
 def _places_one(talk: Conversation, words: str, reading: Reading) -> bool:
     """Return whether a fragment begins with a place that is measured from a vehicle it describes."""
     query = reading.query
@@ -157,7 +171,10 @@ def _answer_description(
     if request is None or reading is None:
         return None
     described = merge_request(request, said(reading, text).query)
-    if question is not None and (fitting := find_fitting(reading, question.candidates, talk.scene)):
+    counts = find_ordinals(reading.query.referent.qualifiers) if reading.query.referent else ()
+    # "No, the second one" is no word about a place that is offered at the first.
+    in_list = question is not None and (talk.state.lists or not counts)
+    if question is not None and in_list and (fitting := find_fitting(reading, question.candidates, talk.scene)):
         return talk.narrow(fitting, described)
     described = merge_request(request, said(widen(reading, talk.scene), text).query)
     rejected = frozenset[str]()

@@ -12,14 +12,14 @@ from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import each_step, find_fitting, widen
 from grounding.dialogue.fragments import is_understood, keep_action, names_pronoun, refers_to_place
 from grounding.dialogue.merging import merge_request, names_gap_only
-from grounding.dialogue.plans.steps import STOPS
+from grounding.dialogue.shifts import shift_more
 from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.telling.reports import ask_again, inform, not_understood, notice
 from grounding.dialogue.turns import Turn
 from grounding.language import Reading, WordCategory
 from grounding.language.revised_readings import evidence_of
 from grounding.query import Query, Referent
-from grounding.requests import Request, requests_of
+from grounding.requests import STOPS, Request, requests_of
 from grounding.vocabulary import Action
 
 # Actions that are about a vehicle.
@@ -55,7 +55,8 @@ def answer_command(
         readings = (turn.as_command(readings[0]), *readings[1:])
     if readings[0].problem:
         return not_understood(talk, text, readings[0], words)
-    if there := _stop_there(talk, said(readings[0], text)):
+    there = _stop_there(talk, said(readings[0], text)) or _wait_there(talk, said(readings[0], text))
+    if there is not None:
         return there
     base = state.request
     readings = tuple(keep_action(said(one, text), base.query if base else None) for one in readings)
@@ -64,6 +65,13 @@ def answer_command(
     if names_pronoun(first):
         if state.question is not None and len(state.question.candidates) > 1 and not agreed:
             return ask_again(talk, text)
+        pronouns = (WordCategory.PRONOUN, WordCategory.POSSESSIVE)  # "go to her"
+        named = any(token.category in pronouns for token in first.tokens)
+        if not named and (aimed := talk.aimed_at):  # "stay behind": not what was only asked about
+            if first.query.action == "avoid" and aimed.query.action == "follow":
+                return shift_more(talk, text, 1.0)  # "keep a safe gap"
+            first = each_step(first, lambda step: replace(step, referent=aimed.query.referent))
+            return talk.take([replace(one, chosen=aimed.chosen) for one in requests_of(first)], then)
         if talk.meant is not None:
             return talk.take([replace(one, chosen=talk.meant) for one in requests_of(first)], then)
     elif (
@@ -105,6 +113,19 @@ def _stop_there(talk: Conversation, reading: Reading) -> Answer | None:
     if not (further and plan) or stops.query.action not in STOPS or not refers_to_place(stops.reading):
         return None
     return talk.take((*plan[:-1], merge_request(plan[-1], stops.query), *further))
+
+
+def _wait_there(talk: Conversation, reading: Reading) -> Answer | None:
+    """Keep the place of the goal for a wait at it: "wait there for my wife"; None for other sentences."""
+    plan, (first, *others) = talk.state.plan, reading.steps
+    if not plan or first.action != "wait" or any(one.action != "wait" for one in others):
+        return None
+    if not refers_to_place(reading.with_query(first)):
+        return None
+    last = plan[-1]
+    notes = tuple(one for one in reading.notes if one not in last.reading.notes)
+    told = replace(last.reading, notes=(*last.reading.notes, *notes), dropped=reading.dropped)
+    return talk.take((*plan[:-1], merge_request(replace(last, reading=told), Query(reading.query.command))))
 
 
 def _about_focus(talk: Conversation, query: Query) -> Query:

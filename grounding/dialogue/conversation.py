@@ -19,7 +19,7 @@ from grounding.language.reader.turns import State
 from grounding.query import Query, Referent
 from grounding.referent.resolver import Candidate, find_all
 from grounding.referent.scene import SceneModel
-from grounding.requests import Request, requests_of
+from grounding.requests import Request, join_drives, requests_of
 
 if TYPE_CHECKING:
     from grounding.grounder import Grounder
@@ -89,6 +89,12 @@ class Conversation:
             return state.question.candidates[0]
         return state.focus[0] if state.focus else None
 
+    @property
+    def aimed_at(self) -> Request | None:
+        """The last step in force that has a vehicle; None without one, and beside an open question."""
+        steps = () if self.state.question is not None else reversed(self.state.plan)
+        return next((one for one in steps if one.chosen is not None), None)
+
     def spoken_of(self, candidates: Sequence[Candidate]) -> Candidate | None:
         """Return the only one of several vehicles that fit alike which an earlier plan was about; None without one.
 
@@ -145,7 +151,7 @@ class Conversation:
 
         Staying behind a vehicle replaces a step that passes it.
         """
-        steps = _without_given_up((*self.state.plan, *requests) if then else tuple(requests))
+        steps = _without_given_up(join_drives((*self.state.plan, *requests)) if then else tuple(requests))
         answer = answer if steps == tuple(requests) else None
         if answer is None:
             answer = self.answer_steps(steps)

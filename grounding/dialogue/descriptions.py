@@ -10,6 +10,7 @@ import numpy as np
 from grounding.answering import without
 from grounding.language import Reading
 from grounding.query import Query, Referent
+from grounding.referent.ordinals import find_ordinals
 from grounding.referent.resolver import Candidate, resolve
 from grounding.referent.scene import SceneModel
 from grounding.requests import Request
@@ -98,7 +99,8 @@ def _with_any_vehicle(query: Query, scene: SceneModel) -> Query:
         return query
     found = resolve(query, scene)
     unknown = bool(referent.colour) and all(one.item.rgb is None for one in found.candidates[:1])
-    if found.status == "ok" and not unknown:
+    counted = bool(find_ordinals(referent.qualifiers)) and found.status != "not_found"  # of its own class
+    if (found.status == "ok" and not unknown) or counted:
         return query
     # A bike may be a bicycle.
     for noun in (*(("bicycle",) if referent.head == "bike" else ()), "vehicle"):

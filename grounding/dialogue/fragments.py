@@ -12,6 +12,7 @@ from grounding.language.replies import with_superlatives
 from grounding.language.syntax.noun_phrases import NounPhrase, chunk
 from grounding.language.syntax.tokenizer import Token
 from grounding.query import Query, Referent
+from grounding.requests import STOPS
 
 # The reader of sentences: text, antecedent and verb to readings, best first.
 Reader = Callable[[str, Referent | None, str], tuple[Reading, ...]]
@@ -80,8 +81,14 @@ def goes_onto_pavement(tokens: Sequence[Token]) -> bool:
 
 
 def only_named(tokens: Sequence[Token]) -> Referent | None:
-    """Return the only vehicle or person that some words name: "I'd have that lady in red in the back already"."""
-    phrases = [one for one in chunk(tokens) if isinstance(one, NounPhrase) and one.kind in ("vehicle", "person")]
+    """Return the only vehicle or person that some words name: "I'd have that lady in red in the back already".
+
+    A friend who is not seen is none: "my friend lives by the silver van".
+    """
+    ours = {one.start for one in tokens if one.category is WordCategory.POSSESSIVE}
+    named = [one for one in chunk(tokens) if isinstance(one, NounPhrase)]
+    seen = [one for one in named if one.kind == "vehicle" or (one.kind == "person" and one.start not in ours)]
+    phrases = seen or [one for one in named if one.kind == "person"]
     if len(phrases) != 1:
         return None
     (one,) = phrases
@@ -233,11 +240,13 @@ def keep_action(reading: Reading, base: Query | None) -> Reading:
 
 
 def refers_to_place(reading: Reading) -> bool:
-    """Return whether a command says where by "there" alone: "stop there"."""
+    """Return whether a command says where by "there" alone: "stop there", "wait there for my wife"."""
     query = reading.query
-    named = query.referent is not None or query.secondary or query.relation != "none"
+    pairs = [*pairwise(token.category for token in reading.tokens)]
+    waits = query.action == "wait" and (WordCategory.VERB, WordCategory.THERE) in pairs
+    for_whom = waits and query.referent is not None and (query.referent.noun == "person" or names_pronoun(reading))
+    named = (query.referent is not None and not for_whom) or query.secondary or query.relation != "none"
     there = (token.category is WordCategory.THERE or token.text.endswith(" there") for token in reading.tokens)
-    pairs = pairwise(token.category for token in reading.tokens)
     # "Stay there", "in that gap".
     return not named and (any(there) or (WordCategory.THAT, WordCategory.SPOT) in pairs)
 
@@ -259,9 +268,11 @@ def _begins_with_event(reading: Reading) -> bool:
 
 
 def begins_with_place(text: str, read: Reader) -> bool:
-    """Return whether the first word of a fragment is a relation: "behind the beige one"."""
-    first = next(iter(read(text, None, "")[0].tokens), None)
-    return first is not None and first.category is WordCategory.RELATION
+    """Return whether the first word of a fragment is a relation: "behind the beige one", "after the van"."""
+    reading = read(text, None, "stop")[0]
+    first = next(iter(reading.tokens), None)
+    named = reading.query.relation != "none" and first is not None and first.category is WordCategory.SUB
+    return named or (first is not None and first.category is WordCategory.RELATION)
 
 
 def is_understood(reading: Reading) -> bool:
@@ -281,3 +292,11 @@ def _is_bare(referent: Referent, reading: Reading) -> bool:
     beside = any(one.of != "goal" for one in query.secondary)
     described = referent.colour or referent.qualifiers or beside
     return not (noun or described or query.excluded or query.distance_of == "descriptor")
+
+
+def stops_at_side(reading: Reading) -> bool:
+    """Return whether a command to stop names a distance and a side, and no shift to a side: "2 m to the right"."""
+    query = reading.query
+    placed = query.action in STOPS and query.distance_of == "ego" and is_understood(reading)
+    sides = (token.text.split() for token in reading.tokens if token.category is WordCategory.SIDE)
+    return placed and any(len(words) > 1 and words[0] != "to" for words in sides)

@@ -64,6 +64,12 @@ class Memory:
         return self.asked[self.at] if self.asked else None
 
     @property
+    def lists(self) -> bool:
+        """Whether the open question lists vehicles, or readings, of which one is chosen by its number."""
+        asked = self.question
+        return asked is not None and bool(asked.question) and len(asked.alternatives or asked.candidates) > 1
+
+    @property
     def steps(self) -> tuple[Request, ...]:
         """The steps that were spoken of: those in force, and after or before them those of the open question."""
         queries = [replace(step.query, command="") for step in self.asked]

@@ -71,6 +71,12 @@ def names_gap_only(partial: Query) -> bool:
     return partial.distance_of == "referent" and not (elsewhere or steered or partial.unresolved)
 
 
+def names_place(query: Query) -> bool:
+    """Return whether a query says where: at what, on which side, in which direction or how far."""
+    named = (query.referent, query.goal_side, query.road_side, query.direction, query.distance_m)
+    return bool(query.secondary) or any(one is not None for one in named)
+
+
 def _vehicle_slots(base: Query, partial: Query) -> dict[str, Any]:
     """Return the slots of another vehicle; exclusions of its colour are lifted: "fine, the black one"."""
     colour = partial.referent.colour if partial.referent else None
@@ -90,11 +96,15 @@ def _vehicle_slots(base: Query, partial: Query) -> dict[str, Any]:
 
 def _place_slots(base: Query, partial: Query) -> dict[str, Any]:
     """Return the slots of another place; a place at a landmark has no vehicle."""
+    if base.landmark == "secondary" and not (partial.landmark or partial.referent or partial.secondary):
+        # "Stop at the crossing." "On the right, before it": the place is measured from what it was.
+        at = tuple(replace(part, relation=partial.relation) if part.of == "goal" else part for part in base.secondary)
+        return {"relation": partial.relation, "secondary": at}
     keeps = partial.landmark != "secondary"
     described = tuple(part for part in base.secondary if part.of == "referent" and partial.referent is None)
     return {
         "relation": partial.relation,
-        "landmark": partial.landmark or base.landmark,
+        "landmark": partial.landmark or ("referent" if partial.referent else base.landmark),
         "referent": (partial.referent or base.referent) if keeps else partial.referent,
         "secondary": partial.secondary or (described if keeps else ()),
     }

@@ -38,9 +38,10 @@ from grounding.dialogue.fragments import (
     has_verb,
     names_pronoun,
     read_description,
+    stops_at_side,
 )
 from grounding.dialogue.memory import Memory
-from grounding.dialogue.merging import merge_request
+from grounding.dialogue.merging import merge_request, names_place
 from grounding.dialogue.shifts import (
     BIT_M,
     change_distance,
@@ -59,6 +60,7 @@ from grounding.dialogue.telling.reports import (
     look_for,
     notice,
     pause,
+    remember,
     tell_goal,
     tell_reasons,
     tell_room,
@@ -85,7 +87,7 @@ _ACTS: Mapping[str, Callable[[Conversation, str], Answer]] = {
     "yes": confirm,
     "no": refuse,
     "thanks": keep,
-    "remark": keep,
+    "remark": remember,
     "pause": pause,
     "any": take_any,
     "undo": go_back,
@@ -112,6 +114,8 @@ _INSTEAD = re.compile(r"\b(?:instead|rather)\b(?! of)", re.IGNORECASE)
 _OTHER_TURN = re.compile(r"a (left|right)(?: turn)?", re.IGNORECASE)
 # Least probability of a remark at the beginning where the grammar is lost.
 _SURE_REMARK = 0.75
+# Relations of a wish that names no place of its own.
+_ANYWHERE = ("none", "near")
 # Acts that change where we stand.
 _MOVING = ("shift", "more", "place")
 # Replies about the words that follow them.
@@ -128,10 +132,10 @@ def answer_sentence(talk: Conversation, text: str) -> Answer:
     if told := answer_question(talk, text):
         return told
     talk.state = before
-    waits = before.goal is not None and before.goal.pace == "standing" and before.question is None
-    if waits and talk.read(text).query.manoeuvre == "onward":
-        return answer_command(talk, text, text)  # "carry on" ends a wait
     reply = read_reply(text, talk.grounder.lexicon)
+    ends = _stands(before) or (before.goal is not None and "cancel" in reply.kinds)
+    if ends and talk.read(text).query.manoeuvre == "onward":
+        return answer_command(talk, text, text)  # "carry on" ends a wait, "never mind, keep driving" any plan
     guess = read_turn(talk, text, reply)
     turn = guess if guess is not None and guess.is_sure else None
     answer = _answer_turn(talk, text, reply, turn) if turn else None
@@ -161,11 +165,22 @@ def answer_sentence(talk: Conversation, text: str) -> Answer:
     return answer
 
 
+def _stands(state: Memory) -> bool:
+    """Return whether the plan in force is a wait, or a stop at no place that is named: "stop for a moment"."""
+    if state.goal is None or state.question is not None:
+        return False
+    query = state.plan[-1].query if len(state.plan) == 1 else None
+    anywhere = query is not None and query.action in ("stop", "pull_over") and not names_place(query)
+    return state.goal.pace == "standing" or anywhere
+
+
 def _insists(answer: Answer, before: Memory, after: Memory) -> bool:
     """Return whether a wish comes to the question again that is open: who repeats it agrees to what is offered."""
     asked, again = before.question, after.question
     if asked is None or again is None or again is asked or again is not answer or not again.plan.question:
         return False
+    if again.query.relation not in (asked.query.relation, *_ANYWHERE):
+        return False  # "then after the van" is another place, at which there is no room either
     about = [one.referent.item.id if one.referent else None for one in (asked, again)]
     return asked.plan.question == again.plan.question and about[0] == about[1]
 
@@ -180,9 +195,7 @@ def is_misunderstood(answer: Answer) -> bool:
 
 def _names_no_place(answer: Answer) -> bool:
     """Return whether half understood words that name no place have an effect: "I'll close my eyes a minute"."""
-    query = answer.query
-    named = (query.referent, query.goal_side, query.road_side, query.direction, query.distance_m, query.manoeuvre)
-    placed = query.secondary or any(one is not None for one in named)
+    placed = names_place(answer.query) or answer.query.manoeuvre is not None
     acts = answer.target is not None or answer.pace == "standing"
     return acts and not placed and not evidence_of(answer.reading).whole
 
@@ -220,7 +233,7 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     if refused := refuse_described(talk, text, reply.rest):
         return refused
     reading = talk.read(reply.rest or text)
-    if _says_more(talk, reply, turn) or reading.query.manoeuvre in _OF_THE_GRAMMAR:
+    if _says_more(talk, text, reply, turn) or reading.query.manoeuvre in _OF_THE_GRAMMAR:
         return None
     if act in _MOVING and state.request is not None and goes_onto_pavement(reading.tokens):
         climbing = merge_request(state.request, Query(text, manoeuvre="pavement"))
@@ -274,9 +287,11 @@ def _is_lost(talk: Conversation, text: str, reply: Reply) -> bool:
     return lost
 
 
-def _says_more(talk: Conversation, reply: Reply, turn: Turn) -> bool:
+def _says_more(talk: Conversation, text: str, reply: Reply, turn: Turn) -> bool:
     """Return whether a turn says more than its act, which the grammar reads."""
     act = turn.act
+    if act == "shift":
+        return stops_at_side(talk.read(reply.rest or text))  # "drop me 20 metres further on, on the right"
     if act in ("pause", "remark", "cancel"):
         return "meant" in reply.kinds and bool(reply.rest) and not turn.is_certain  # "oh wait, I meant right"
     may_place = act == "other" or (act in ("shift", "more", "less") and reply.leading_shift)
@@ -289,9 +304,7 @@ def _answer_number(talk: Conversation, text: str, reply: Reply, number: int | No
     """Answer a number: of the listed vehicles, else of a row of them: "make it the second"; None without one."""
     if number is None:
         return None
-    question = talk.state.question
-    listed = question is not None and len(question.alternatives or question.candidates) > 1
-    if (listed and number > 0) or not reply.rest:
+    if (talk.state.lists and number > 0) or not reply.rest:
         return choose_number(talk, text, number)
     word = next((name for name, position in POSITIONS.items() if position == number), "last" if number < 0 else "")
     return answer_fragment(talk, text, replace(reply, rest=f"the {word} one")) if word else None
@@ -300,8 +313,7 @@ def _answer_number(talk: Conversation, text: str, reply: Reply, number: int | No
 def _answer_reply(talk: Conversation, text: str, reply: Reply) -> Answer | None:
     """Answer a number, a shift, a reply without further words, or a question about them; None for what else."""
     state = talk.state
-    offered = state.question is not None and not state.question.plan.question
-    if reply.number is not None and (not reply.rest or offered):
+    if reply.number is not None and (not reply.rest or state.lists):
         named = state.question is None and state.request is not None and state.request.query.distance_m is not None
         return (change_distance if named else choose_number)(talk, text, reply.number)
     if reply.distance_m is not None and reply.kinds[-1] in ("more", "less"):

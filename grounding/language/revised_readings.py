@@ -41,7 +41,8 @@ def evidence_of(reading: Reading) -> Evidence:
     words = [token for token in reading.tokens if token.category not in _MARKS]
     unknown = sum(token.category is WordCategory.UNKNOWN for token in words)
     contrary = any(map(_negates, words)) or any(map(_stops_doing, words, words[1:]))
-    return Evidence(len(reading.dropped), len(reading.corrections), doubtful, unknown, len(words), contrary)
+    others = tuple(one.referent for one in reading.steps if one.referent and not _is_main(one, reading.query))
+    return Evidence(len(reading.dropped), len(reading.corrections), doubtful, unknown, len(words), contrary, others)
 
 
 def _negates(token: Token) -> bool:

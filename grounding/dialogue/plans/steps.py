@@ -8,6 +8,7 @@ from dataclasses import replace
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import begins_with_place, has_verb, is_understood, read_description
+from grounding.dialogue.merging import names_place
 from grounding.dialogue.telling.phrases import describe_goal, said
 from grounding.dialogue.telling.reports import cancel, inform
 from grounding.language import WordCategory
@@ -15,12 +16,12 @@ from grounding.language.replies import named_distance, words_after_opening, word
 from grounding.language.syntax.lexicon import default_lexicon
 from grounding.query import Query, Referent
 from grounding.referent.resolver import find_all
-from grounding.requests import Request, after_turns, requests_of
+from grounding.requests import STOPS, Request, after_turns, requests_of
 from grounding.vocabulary import POSITIONS
 
 Words = tuple[str, ...]
-# Actions of a stop, and actions that hold until an event comes.
-STOPS, HOLDING = ("park", "stop", "pull_over", "approach"), ("wait", "give_way")
+# Actions that hold until an event comes.
+HOLDING = ("wait", "give_way")
 _MARKS, _ARTICLES = (",", ".", ";", "!", "?"), ("the", "that", "this", "our", "my", "a", "your")
 _JOINING = (*_MARKS, "and", "but", "then")
 # Positions from the end, and that of a further step.
@@ -31,7 +32,9 @@ _ENDS = {"last": _LAST, "final": _LAST, "next": _FURTHER}
 def edit_steps(talk: Conversation, text: str) -> Answer | None:
     """Answer a turn that names stops in their order, drops steps or moves them; None for other turns."""
     words = words_after_opening(text, talk.grounder.lexicon)
-    if answer := _name_stops(talk, text, words):
+    # "First drop me at the van" is a first stop only where stops are counted.
+    before = _put_before(talk, text, words) if talk.state.steps and not talk.state.counts_stops else None
+    if answer := before or _name_stops(talk, text, words):
         return answer
     if not talk.state.steps:
         return None
@@ -273,10 +276,41 @@ def _stop_at(talk: Conversation, text: str, place: Words) -> tuple[Request, ...]
     begins = begins_with_place(phrase, talk.readings)
     commands = [phrase] if has_verb(talk.read(phrase)) else [f"stop {phrase}" if begins else f"stop by {phrase}"]
     readings = talk.readings(commands[0], talk.antecedent, alone=False)
-    if readings[0].problem or readings[0].doubt or not _names_place(readings[0].query):
+    if readings[0].problem or readings[0].doubt or not names_place(readings[0].query):
         return None
     return requests_of(said(talk.grounder.best_answer(readings).reading, text))
 
 
-def _names_place(query: Query) -> bool:
-    return bool(query.referent or query.secondary or query.goal_side or query.distance_m or query.direction)
+def _put_before(talk: Conversation, text: str, words: Words) -> Answer | None:
+    """Put a stop before the last place of the plan: "but first drop me at the van"; None for other turns."""
+    start = max(words_end("beforehand", words, 0), words_end("beforethat", words, 0))
+    ends = (i for i in range(1, len(words)) if words_end("beforehand", words, i) == len(words))
+    end = next((i for i in ends if words[i - 1] not in _ARTICLES), len(words))  # but not "stop at the first"
+    stop = words[start:end]
+    while stop and stop[0] in _JOINING:
+        stop = stop[1:]
+    requests = _stop_on_the_way(talk, text, stop) if stop and stop != words else None
+    if requests is None:
+        return None
+    *earlier, last = talk.state.steps
+    return talk.take((*earlier, *requests, last))
+
+
+def _stop_on_the_way(talk: Conversation, text: str, words: Words) -> tuple[Request, ...] | None:
+    """Return the step of a stop that words command, or tell as a wish: "I have to get something at the van"."""
+    phrase = " ".join(words)
+    if words[0] in _ARTICLES or begins_with_place(phrase, talk.readings):
+        return _stop_at(talk, text, words)
+    reading = talk.read(phrase)
+    reading = reading if is_understood(reading) else talk.readings(phrase)[0]
+    query = reading.query
+    calls = query.action == "drive_past" and query.relation == "near"  # "swing by the van"
+    if reading.problem or len(reading.steps) > 1 or not (calls or query.action in STOPS):
+        return None
+    steps = requests_of(said(replace(reading, doubt=""), text))
+    return tuple(replace(one, reading=one.reading.with_query(_as_stop(one.query))) for one in steps)
+
+
+def _as_stop(query: Query) -> Query:
+    """Return the query of a stop: who swings by the van stops there."""
+    return query if query.action in STOPS else replace(query, action="stop", actions=("stop",))

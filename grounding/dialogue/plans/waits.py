@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.fragments import has_verb, is_understood
-from grounding.dialogue.plans.steps import HOLDING, STOPS, Words
+from grounding.dialogue.fragments import has_verb, is_understood, refers_to_place
+from grounding.dialogue.plans.steps import HOLDING, Words
 from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.telling.reports import aside, notice
 from grounding.language import Reading, WordCategory
 from grounding.language.replies import words_after_opening, words_end
 from grounding.query import Exclusion, Landmark, Query, Referent
-from grounding.requests import Request, requests_of
+from grounding.requests import STOPS, Request, requests_of
 from grounding.vocabulary import LANDMARK_KINDS
 
 _SENTENCE = re.compile(r"(?<=[.!?])\s+(?=\S)")
@@ -74,6 +74,8 @@ def _answer_wait(talk: Conversation, text: str, last: str) -> Answer | None:
     if awaited.wait is None:
         goes = agrees and awaited.command is not None and awaited.command.query.action == "other"
         return _keep(talk, text, "what is to be awaited is not understood") if goes else None
+    if refers_to_place(talk.read(" ".join(words))):
+        return None  # "wait there for my wife": at the goal in force, and not before it
     waits = [_about_meant(talk, one) for one in requests_of(said(awaited.wait, text))]
     if agrees:
         asked = talk.state.question is not None

@@ -9,7 +9,7 @@ from dataclasses import replace
 from grounding.answer import Answer
 from grounding.describe import describe_object
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.descriptions import any_of
+from grounding.dialogue.descriptions import any_of, find_fitting, reading_of
 from grounding.dialogue.fragments import complete, names_pronoun, only_named, read_description
 from grounding.dialogue.telling.phrases import ask, describe_goal, said
 from grounding.language import Reading
@@ -214,8 +214,16 @@ def notice(talk: Conversation, words: str) -> None:
     # "I've driven a cab" is about any cab.
     if named is not None and (named.definite or talk.state.goal is None):
         found = resolve(Query("", referent=replace(named, definite=True)), talk.scene)
-        if found.status == "ok" and found.candidates:
-            talk.state = replace(talk.state, focus=(found.candidates[0], named))
+        settled = found.status == "ok"
+        fitting = found.candidates if settled else find_fitting(reading_of(named), found.candidates, talk.scene)
+        if fitting and (settled or len(fitting) == 1):
+            talk.state = replace(talk.state, focus=(fitting[0], named))
+
+
+def remember(talk: Conversation, text: str) -> Answer:
+    """Acknowledge a remark, and remember the vehicle in it: "my friend lives by the silver van"."""
+    notice(talk, text)
+    return keep(talk, text)
 
 
 def not_understood(talk: Conversation, text: str, reading: Reading, words: str = "") -> Answer:

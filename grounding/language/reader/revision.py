@@ -53,6 +53,7 @@ class Evidence(NamedTuple):
         unknown: words that no lexicon holds.
         words: all words.
         contrary: whether it negates, excepts or corrects something.
+        others: vehicles of its other steps.
     """
 
     dropped: int = 0
@@ -61,6 +62,7 @@ class Evidence(NamedTuple):
     unknown: int = 0
     words: int = 0
     contrary: bool = False
+    others: tuple[Referent, ...] = ()
 
     @property
     def whole(self) -> bool:
@@ -185,12 +187,28 @@ def _by_network(query: Query, evidence: Evidence, prediction: Prediction) -> Que
     nameless = query.unresolved and not (prediction.head or evidence.dropped or evidence.unknown)
     if by_scene or nameless:
         values["noun"] = NONE
-    read = _with_values(query, _in_words_of(query, values), prediction)
+    values = _without_others(query.referent, evidence.others, _in_words_of(query, values))
+    read = _with_values(query, values, prediction, evidence.others)
     if evidence.whole and query.referent is not None and read.referent is not None:  # it moves as is said
         qualifiers = read.referent.qualifiers
         moves = (one for one in query.referent.qualifiers if one in STATES and one not in qualifiers)
         read = replace(read, referent=replace(read.referent, qualifiers=(*moves, *qualifiers)))
     return read
+
+
+def _without_others(own: Referent | None, others: tuple[Referent, ...], values: dict[str, str]) -> dict[str, str]:
+    """Return the values of the network, those of the vehicles of other steps as the grammar's.
+
+    The network knows one vehicle of a sentence: "pass the red car and stop behind the truck".
+    """
+    if own is None:
+        return values
+    mixed = {
+        field: str(getattr(own, field) or NONE)
+        for field in ("noun", "colour")
+        if values[field] != NONE and any(getattr(one, field) == values[field] for one in others)
+    }
+    return {**values, **mixed}
 
 
 def _in_words_of(query: Query, values: dict[str, str]) -> dict[str, str]:
@@ -230,13 +248,15 @@ def command_of(command: str, prediction: Prediction) -> Query:
     return _with_values(Query(command, action, (action,)), values, prediction)
 
 
-def _with_values(query: Query, values: Mapping[str, str], prediction: Prediction) -> Query:
+def _with_values(
+    query: Query, values: Mapping[str, str], prediction: Prediction, others: tuple[Referent, ...] = ()
+) -> Query:
     """Return a query with the given values; what hangs on a changed value changes with it."""
     if values["noun"] == "person":
         query = _about_person(query)
         if any(part.of == "referent" and part.colour == values["colour"] for part in query.secondary):
             values = {**values, "colour": NONE}  # the colour of the vehicle beside the person
-    referent = _referent(query.referent, values, _own_qualifiers(query, prediction), prediction.head)
+    referent = _referent(query.referent, values, _own_qualifiers(query, prediction, others), prediction.head)
     if referent is not None and _is_excluded(referent, query) and referent != query.referent:
         # The command excludes the other one, and the place at it.
         referent, values = query.referent, {**values, "relation": query.relation}
@@ -262,9 +282,10 @@ def _with_values(query: Query, values: Mapping[str, str], prediction: Prediction
     )
 
 
-def _own_qualifiers(query: Query, prediction: Prediction) -> tuple[str, ...]:
+def _own_qualifiers(query: Query, prediction: Prediction, others: tuple[Referent, ...]) -> tuple[str, ...]:
     """Return the network's qualifiers but those that the grammar finds elsewhere: "the van and the first car"."""
     of_others = {one for part in query.secondary for one in part.qualifiers}
+    of_others |= {one for vehicle in others for one in vehicle.qualifiers}
     own = query.referent.qualifiers if query.referent else ()
     return tuple(one for one in prediction.likely_qualifiers if one in own or one not in of_others)
 
