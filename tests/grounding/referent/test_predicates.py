@@ -234,6 +234,7 @@ def test_every_qualifier_of_commands_has_a_predicate() -> None:
     counted |= {"largest", "smallest", "large", "small"}
     assert set(QUALIFIERS) | counted == counted | {
         *(
+            "facing_us",
             "left_side",
             "right_side",
             "opposite_side",
