@@ -108,7 +108,7 @@ def attach_target(state: DiscourseState, relation: str, phrase: NounPhrase) -> N
     else:
         noun = state.open_phrase
         host = noun if noun is not None and noun.kind == "vehicle" else frame.target
-        if relation not in ("in", "with"):  # clothes
+        if relation in (*_INVERTIBLE, "before", "past") and phrase.kind != "pronoun":
             _name_alike(state, host, phrase)
         host.related.append((relation, phrase))
         add_mention(state, phrase, "landmark")
