@@ -58,29 +58,10 @@ ShiftDirection = Literal["away", "near", "ahead", "back", "leftwards", "rightwar
 # Positions that ordinals name; "next" counts from where we are.
 POSITIONS: Mapping[str, int] = {"first": 1, "second": 2, "third": 3, "fourth": 4}
 ORDINALS: Mapping[str, int] = {**POSITIONS, "next": 1}
-# Ways to drive that a verb names beyond its action, and those of them that are refused.
-Manoeuvre = Literal[
-    "onward",
-    "back",
-    "creep",
-    "faster",
-    "pavement",
-    "oncoming_lane",
-    "red_light",
-    "push",
-    "double_park",
-    "off_road",
-    "speeding",
-]
-REFUSED: tuple[str, ...] = (
-    "pavement",
-    "oncoming_lane",
-    "red_light",
-    "push",
-    "double_park",
-    "off_road",
-    "speeding",
-)
+# Manoeuvres that are refused, and all ways to drive that a verb names beyond its action.
+Refused = Literal["pavement", "oncoming_lane", "red_light", "push", "double_park", "off_road", "speeding"]
+Manoeuvre = Literal["onward", "back", "creep", "faster", Refused]
+REFUSED: tuple[str, ...] = get_args(Refused)
 ACTIONS: tuple[str, ...] = get_args(Action)
 RELATIONS: tuple[str, ...] = get_args(Relation)[1:]  # without "none"
 STATES: tuple[str, ...] = get_args(State)

@@ -8,8 +8,9 @@ from appocc.bevmap import ROAD, VEHICLE, BEVMap
 from appocc.boxes import Boxes
 from appocc.checks import FloatArray
 from appocc.ego_vehicle import EgoVehicle
-from appocc.geometry import inverse, quaternion_from_yaw, transform
+from appocc.geometry import apply, inverse, quaternion_from_yaw, transform
 from appocc.grid import BEVGrid
+from grounding.dialogue.session import Session
 from grounding.grounder import Grounder
 from grounding.referent.scene import SceneModel, scene_from_boxes, scene_from_map
 
@@ -19,6 +20,12 @@ RED, BLUE, GREEN, YELLOW = (190, 25, 30), (30, 60, 170), (30, 130, 50), (235, 20
 WORLD_FROM_EGO = transform(quaternion_from_yaw(np.pi / 2), [100.0, 50.0, 0.0])
 HALF_ROAD_M = 8.0
 EGO = EgoVehicle()
+
+
+def area(x0: float, x1: float, y0: float = -8.0, y1: float = 8.0) -> FloatArray:
+    """Return the outline (4, 2) of a rectangle of the ego frame, in the world: a strip across our lane."""
+    corners = np.array([[x0, y0, 0], [x1, y0, 0], [x1, y1, 0], [x0, y1, 0]], np.float64)
+    return apply(WORLD_FROM_EGO, corners)[:, :2]
 
 
 class Street:
@@ -100,3 +107,10 @@ class Street:
         grounder = Grounder()
         grounder.set_scene(self.bev(), self.boxes() if boxes else None, WORLD_FROM_EGO)
         return grounder
+
+
+def told(session: Session, text: str) -> str:
+    """Return what an accepted turn of a conversation tells."""
+    answer = session.say(text)
+    assert answer.status == "ok", answer.text()
+    return "; ".join(answer.reasons)

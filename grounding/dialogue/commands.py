@@ -55,7 +55,7 @@ def answer_command(
         readings = (turn.as_command(readings[0]), *readings[1:])
     if readings[0].problem:
         return not_understood(talk, text, readings[0], words)
-    there = _stop_there(talk, said(readings[0], text)) or _wait_there(talk, said(readings[0], text))
+    there = _stop_there(talk, spoken := said(readings[0], text)) or _wait_there(talk, spoken)
     if there is not None:
         return there
     base = state.request

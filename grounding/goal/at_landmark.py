@@ -13,7 +13,7 @@ from grounding.goal.beside_vehicle import PARKING, propose_beside
 from grounding.goal.candidates import CandidateSet, DistanceRange
 from grounding.goal.turns import propose_side_road
 from grounding.query import Landmark, Query
-from grounding.road.landmarks import Span
+from grounding.road.landmarks import Span, explain_unknown
 from grounding.road.road_map import RoadMap
 from grounding.vocabulary import LANDMARK_KINDS, ORDINALS
 
@@ -48,7 +48,7 @@ def propose_at_landmark(query: Query, part: Landmark, road: RoadMap) -> tuple[li
     """Return the candidate sets at a landmark, None if the map does not show it, and the reasons."""
     kind = LANDMARK_KINDS[part.noun]
     if not road.landmarks.knows(kind):
-        return None, [f"no {kind} is known here: the map does not show any"]
+        return None, [explain_unknown(kind)]
     if kind == "car park":
         return _propose_in_car_park(query, road)
     if query.manoeuvre == "back":

@@ -101,8 +101,8 @@ def explain_refusal(query: Query) -> str:
         and not on_foot
         for part in query.secondary
     )
-    unheeded = query.action == "other" and any(one.relation == "for" for one in query.excluded)
-    if unheeded and any(one.noun in PERSON_NOUNS for one in query.excluded):
+    unheeded = any(one.relation == "for" and one.noun in PERSON_NOUNS for one in query.excluded)
+    if unheeded and query.action == "other":
         return "people go first: we stop for them"
     return _REFUSALS.get("pavement" if onto else query.manoeuvre or "", "")
 

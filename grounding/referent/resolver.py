@@ -10,7 +10,7 @@ import numpy as np
 
 from grounding.query import Landmark, LandmarkRelation, Query, Referent
 from grounding.referent.clarification import compose_question, describe_differences, describe_one
-from grounding.referent.class_fit import KNOWN_NOUNS, PERSON_NOUNS, VEHICLE_NOUNS
+from grounding.referent.class_fit import KNOWN_NOUNS, PERSON_NOUNS
 from grounding.referent.doubts import fits_badly, lacks_class, question_about
 from grounding.referent.fuzzy import gaussian
 from grounding.referent.ordinals import find_ordinals
@@ -18,6 +18,7 @@ from grounding.referent.predicates import to_referent
 from grounding.referent.priors import includes_behind, is_behind
 from grounding.referent.scene import SceneModel
 from grounding.referent.scoring import ReferentScores, note_unmapped, score_objects
+from grounding.referent.sought import by_vehicle, with_sought_referent
 from grounding.referent.spatial_relations import fit_between, footprint_gap_m
 from grounding.road.pose import Pose2D
 from grounding.scene_object import SceneObject
@@ -26,17 +27,12 @@ from grounding.vocabulary import COLOURS
 MAX_CANDIDATES = 6
 # Candidates whose log scores differ by less than this are a tie.
 _TIE_MARGIN = np.log(1.5)
-# The same for one that fits the words as well as the best of a tie.
-_FITTING_MARGIN = np.log(2.0)
 # Share of the fit of the best one in the words that one in a tie has at least.
 _TIE_FIT = 0.5
 # Least probability of the object that an ordinal counts to.
 _LEAST_ORDINAL_PROBABILITY = 0.05
 # Below the first no object fits a word; below the second the best object fits it doubtfully.
 _LACKING_FIT, _DOUBTFUL_FIT = 0.12, 0.35
-# Actions for other traffic, and places where only a vehicle is.
-_TRAFFIC_ACTIONS = ("give_way", "follow", "overtake")
-_TRAFFIC_PLACES = frozenset(("behind_ego", "own_lane", "left_lane", "right_lane", "other_lane", "oncoming"))
 # The two of a pair are this close; factor for pairs between which no car fits.
 _PAIR_SIGMA_M, _NO_ROOM, _MAX_PAIRS = 10.0, 0.1, 40
 
@@ -89,8 +85,8 @@ class _Choice(NamedTuple):
 
 def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Resolution:
     """Resolve the referent of a query, with at most `limit` candidates."""
-    named = _normalise(query)
-    beside = _by_vehicle(named)
+    named = with_sought_referent(query)
+    beside = by_vehicle(named)
     people = "person" in scene.table.class_names
     sought = named if people else beside or named
     referent = sought.referent
@@ -194,7 +190,7 @@ def with_partner(chosen: Candidate, query: Query, scene: SceneModel) -> Candidat
     """Return a settled vehicle with the other end of "between" that fits best, unchanged without one."""
     if query.relation != "between" or chosen.partner is not None:
         return chosen
-    sought = _normalise(query)
+    sought = with_sought_referent(query)
     if sought.referent is None:
         return chosen
     scores = score_objects(sought, sought.referent, scene)
@@ -239,50 +235,6 @@ def resolve_exclusions(query: Query, scene: SceneModel) -> tuple[tuple[LandmarkR
             meant = scores.matches & (scores.probability >= scores.probability.max() / 3)
             excluded += [(part.relation, scene.table.items[i]) for i in np.flatnonzero(meant).tolist()]
     return tuple(excluded)
-
-
-def _normalise(query: Query) -> Query:
-    """Return the query with the object to search for as its referent; riders and drivers merge with their vehicle."""
-    referent, secondary = query.referent, query.secondary
-    if referent is None:
-        goals = [part for part in secondary if part.of == "goal" and part.noun in KNOWN_NOUNS][:1]
-        return (
-            replace(query, referent=to_referent(goals[0]), secondary=_without(goals, secondary)) if goals else query
-        )
-    if referent.clothes and referent.colour is None:
-        referent = replace(referent, colour=referent.clothes, clothes=None)  # the colour of a person on the map
-        query = replace(query, referent=referent)
-    if _drives(query, referent):
-        referent = replace(referent, noun="vehicle")
-        query = replace(query, referent=referent)
-    inside = [part for part in secondary if part.relation in ("on", "in")]
-    if referent.noun in PERSON_NOUNS:
-        ridden = [part for part in inside if part.of == "referent" and part.noun in VEHICLE_NOUNS][:1]
-        if ridden:
-            named = to_referent(ridden[0])
-            vehicle = replace(referent, noun=named.noun, head=named.head, colour=named.colour)
-            return replace(query, referent=vehicle, secondary=_without(ridden, secondary))
-    riders = [part for part in inside if part.of == "inverse" and part.noun in PERSON_NOUNS]
-    return replace(query, secondary=_without(riders, secondary))
-
-
-def _drives(query: Query, referent: Referent) -> bool:
-    """Return whether a person is the driver of a vehicle: "let the guy behind us overtake"."""
-    traffic = query.action in _TRAFFIC_ACTIONS and referent.noun in PERSON_NOUNS
-    placed = referent.in_line or not _TRAFFIC_PLACES.isdisjoint(referent.qualifiers)
-    return traffic and (placed or query.trigger == "merge")
-
-
-def _by_vehicle(query: Query) -> Query | None:
-    """Return the query with the vehicle by which its person is described; None if there is none."""
-    beside = [one for one in query.secondary if one.of == "referent" and one.noun in VEHICLE_NOUNS][:1]
-    if query.referent is None or query.referent.noun not in PERSON_NOUNS or not beside:
-        return None
-    return replace(query, referent=to_referent(beside[0]), secondary=_without(beside, query.secondary))
-
-
-def _without(some: Sequence[Landmark], landmarks: tuple[Landmark, ...]) -> tuple[Landmark, ...]:
-    return tuple(part for part in landmarks if part not in some)
 
 
 def _explain_absence(referent: Referent, scene: SceneModel) -> str:

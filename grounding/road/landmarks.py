@@ -22,6 +22,11 @@ _REACH_M = 80.0
 _IN_LANE_M, _STEP_M = 1.5, 0.25
 
 
+def explain_unknown(kind: str) -> str:
+    """Tell that a map does not show landmarks of a kind."""
+    return f"no {kind} is known here: the map does not show any"
+
+
 class Span(NamedTuple):
     """Where a landmark lies along a lane: along-track distances of its near and its far side."""
 

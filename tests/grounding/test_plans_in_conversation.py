@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from street import BLACK, BLUE, RED, WHITE, WORLD_FROM_EGO, Street
+from street import BLACK, BLUE, RED, WHITE, WORLD_FROM_EGO, Street, area
 
-from appocc.geometry import apply
 from appocc.nuscenes.maps import VectorMap
 from grounding import Answer, Grounder
 from grounding.dialogue.session import Session
@@ -183,8 +182,7 @@ def test_nothing_is_told_later(turn: str) -> None:
 def test_what_is_not_to_be_passed_until_we_say_so(turn: str) -> None:
     grounder = Grounder()
     low, high = 18, 21
-    corners = np.array([[low, -8.0, 0.0], [high, -8, 0], [high, 8, 0], [low, 8, 0]])
-    grounder.set_street_map(VectorMap((), (), {"crossing": (apply(WORLD_FROM_EGO, corners)[:, :2],)}))
+    grounder.set_street_map(VectorMap((), (), {"crossing": (area(low, high),)}))
     grounder.set_scene(STREET.bev(), STREET.boxes(), WORLD_FROM_EGO)
     session = grounder.session()
     session.say("stop behind the truck")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from street import BLACK, BLUE, GREY, RED, WHITE, Street
+from street import BLACK, BLUE, GREY, RED, WHITE, Street, told
 
 from grounding.dialogue.session import Session
 from grounding.language.questions import read_question
@@ -16,12 +16,6 @@ def drive() -> Session:
     street.car("blue", 10, -6, BLUE).car("white", 22, -6, WHITE).car("back", -12, 0, BLACK, speed_mps=3.0)
     street.car("facing", 30, 5, GREY, yaw_rad=np.pi).car("grey", 36, 5, GREY, yaw_rad=np.pi)
     return street.grounder().session()
-
-
-def told(session: Session, text: str) -> str:
-    answer = session.say(text)
-    assert answer.status == "ok", answer.text()
-    return "; ".join(answer.reasons)
 
 
 @pytest.mark.parametrize(

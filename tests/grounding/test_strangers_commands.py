@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from street import BLUE, EGO, RED, WHITE, WORLD_FROM_EGO, Street
+from street import BLUE, EGO, RED, WHITE, WORLD_FROM_EGO, Street, area
 
-from appocc.geometry import apply
 from appocc.nuscenes.maps import VectorMap
 from grounding import Answer, Grounder
 
@@ -15,11 +14,8 @@ STREET = Street().car("w", 24, -5, WHITE).car("b", 30, -5, BLUE).car("r", -9, -5
 
 def crossing(near_m: float, far_m: float) -> VectorMap:
     """A map with one crossing and one junction of the ego frame."""
-    areas = []
-    for low, high in ((near_m, far_m), (near_m + 8, far_m + 12)):
-        corners = np.array([[low, -8.0, 0.0], [high, -8, 0], [high, 8, 0], [low, 8, 0]])
-        areas.append(apply(WORLD_FROM_EGO, corners)[:, :2])
-    return VectorMap((), (), {"crossing": (areas[0],), "junction": (areas[1],)})
+    junction = area(near_m + 8, far_m + 12)
+    return VectorMap((), (), {"crossing": (area(near_m, far_m),), "junction": (junction,)})
 
 
 def ask(text: str) -> Answer:

@@ -6,16 +6,15 @@ from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.telling.measures import describe_time
 from grounding.dialogue.telling.reports import aside
-from grounding.language import WordCategory
+from grounding.dialogue.telling.things import NAMING
 from grounding.language.questions import Question
 from grounding.referent.scene import SceneModel
+from grounding.road.landmarks import explain_unknown
 from grounding.vocabulary import LANDMARK_KINDS, ORDINALS
 
 # What is asked and told of landmarks; the first ones also where the words would ask for what is never known.
 _WHERE = ("distance", "count", "place")
 _ASKED = (*_WHERE, "duration", "exists", "which", "what")
-# Words for vehicles and people, beside which a landmark only tells where: "the van at the crossing".
-_OTHERS = (WordCategory.NOUN, WordCategory.MAKE, WordCategory.MODEL, WordCategory.PERSON, WordCategory.COLOUR)
 
 
 def tell_landmarks(talk: Conversation, text: str, question: Question) -> Answer | None:
@@ -24,7 +23,8 @@ def tell_landmarks(talk: Conversation, text: str, question: Question) -> Answer 
     kinds = [LANDMARK_KINDS[one.value] for one in tokens if one.value in LANDMARK_KINDS]
     where = bool({*question.kinds} & {*_WHERE}) or (question.of_us and "duration" in question.kinds)
     about = where if question.limit else question.kind in _ASKED
-    if not kinds or not about or any(one.category in _OTHERS for one in tokens):
+    # Beside a vehicle or person a landmark only tells where: "the van at the crossing".
+    if not kinds or not about or any(one.category in NAMING for one in tokens):
         return None
     number = next((ORDINALS[one.value] for one in tokens if one.value in ORDINALS), None)
     timed = "duration" in question.kinds
@@ -35,7 +35,7 @@ def _describe(kind: str, number: int | None, timed: bool, scene: SceneModel) -> 
     """Tell the landmarks of a kind in our lane ahead, or the one with a number; `timed`: with a time for the way."""
     road = scene.road
     if road is None or not road.landmarks.knows(kind):
-        return [f"no {kind} is known here: the map does not show any"]
+        return [explain_unknown(kind)]
     front_m = scene.ego.length_m / 2
     ahead_m = [one.near_m - front_m for one in road.landmarks.spans(kind, road.ego_lane) if one.far_m > front_m]
     told = f"{len(ahead_m)} {kind}{'' if len(ahead_m) == 1 else 's'} on our way, as far as the map shows it"

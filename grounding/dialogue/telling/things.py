@@ -15,11 +15,9 @@ from grounding.scene_object import SceneObject
 
 # Most vehicles that are told of where the words fit several.
 _MOST_TOLD = 3
-# Words that describe a thing, besides its place.
-DESCRIBING = (
-    *(WordCategory.NOUN, WordCategory.MAKE, WordCategory.MODEL, WordCategory.PERSON, WordCategory.COLOUR),
-    *(WordCategory.ONE, WordCategory.SUPERLATIVE, WordCategory.ORDINAL),
-)
+# Words for vehicles and people, and all words that describe a thing, besides its place.
+NAMING = (WordCategory.NOUN, WordCategory.MAKE, WordCategory.MODEL, WordCategory.PERSON, WordCategory.COLOUR)
+DESCRIBING = (*NAMING, WordCategory.ONE, WordCategory.SUPERLATIVE, WordCategory.ORDINAL)
 
 
 @dataclass(frozen=True, eq=False)

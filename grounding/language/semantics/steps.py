@@ -109,9 +109,9 @@ def _same_vehicle(one: Query, other: Query) -> bool:
 
 
 def _drive_to_wait(step: Query) -> list[tuple[bool, Query]]:
-    """Return the stop at the landmark where a step waits: "wait at the junction until the bus has passed"."""
+    """Return the stop at the landmark where a step waits for an event: "wait at the junction until it has passed"."""
     where = next((one for one in step.secondary if one.of == "goal" and one.noun in LANDMARK_KINDS), None)
-    if where is None:
+    if step.trigger is None or where is None:
         return []
     relation = cast(Relation, where.relation)
     stop = Query(step.command, "stop", ("stop",), relation=relation, landmark="secondary", secondary=(where,))
@@ -123,9 +123,9 @@ def _await(
 ) -> list[tuple[bool, Query]]:
     """Return a step after the wait for its event, if it has one: "after the bus leaves, turn left"."""
     is_main, step = pair
-    if step.trigger is not None and step.action in _HOLDING:
+    if step.action in _HOLDING:
         return [*_drive_to_wait(step), pair]
-    if step.trigger is None or step.action in _HOLDING:
+    if step.trigger is None:
         return [pair]
     intent = next((one for one in commands if one.frame.event == step.trigger), None)
     ends = intent is not None and intent.frame.event_connective == "until" and not intent.frame.negated

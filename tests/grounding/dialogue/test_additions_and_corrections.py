@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from street import BLACK, BLUE, GREY, RED, WHITE, WORLD_FROM_EGO, YELLOW, Street
+from street import BLACK, BLUE, GREY, RED, WHITE, WORLD_FROM_EGO, YELLOW, Street, area
 
-from appocc.geometry import apply
 from appocc.nuscenes.maps import VectorMap
 from grounding import Grounder
 from grounding.answer import Answer
@@ -55,9 +54,8 @@ def plan(answer: Answer) -> list[str | None]:
     "turn", ["a bit before it", "on the right shortly before it", "no, before it please", "short of it on the left"]
 )
 def test_a_place_without_a_noun_is_at_the_landmark_spoken_of(turn: str) -> None:
-    corners = np.array([[22.0, -8.0, 0.0], [25.0, -8, 0], [25.0, 8, 0], [22.0, 8, 0]])
     grounder = Grounder()
-    grounder.set_street_map(VectorMap((), (), {"crossing": (apply(WORLD_FROM_EGO, corners)[:, :2],)}))
+    grounder.set_street_map(VectorMap((), (), {"crossing": (area(22, 25),)}))
     scene = Street().car("b", 50, -5, BLUE)
     grounder.set_scene(scene.bev(), scene.boxes(), WORLD_FROM_EGO)
     answer = say(grounder.session(), "stop at the crossing", turn)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
-from street import BLUE, RED, WHITE, WORLD_FROM_EGO, Street
+from street import BLUE, RED, WHITE, WORLD_FROM_EGO, Street, area
 
-from appocc.geometry import apply
 from appocc.nuscenes.maps import VectorMap
 from grounding import Grounder
 from grounding.answer import Answer
@@ -37,8 +35,7 @@ def ahead_m(answer: Answer) -> float:
     ],
 )
 def test_a_place_is_moved_with_respect_to_a_crossing(near_m: float, reply: str, away: bool) -> None:
-    corners = np.array([[near_m, -8.0, 0.0], [near_m + 3, -8, 0], [near_m + 3, 8, 0], [near_m, 8, 0]])
-    crossing = VectorMap((), (), {"crossing": (apply(WORLD_FROM_EGO, corners)[:, :2],)})
+    crossing = VectorMap((), (), {"crossing": (area(near_m, near_m + 3),)})
     session = session_of(Street().car("b", 50, -5, BLUE), crossing)
     before = ahead_m(session.say("stop in 14 metres"))
     moved = ahead_m(session.say(reply)) - before

@@ -4,19 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from street import BLACK, BLUE, RED, WHITE, WORLD_FROM_EGO, Street
+from street import BLACK, BLUE, RED, WHITE, WORLD_FROM_EGO, Street, area, told
 
-from appocc.checks import FloatArray
-from appocc.geometry import apply
 from appocc.nuscenes.maps import VectorMap
 from grounding import Grounder
 from grounding.dialogue.session import Session
-
-
-def area(x0: float, x1: float) -> FloatArray:
-    """The outline of a strip across our lane, in the world."""
-    corners = np.array([[x0, -8, 0], [x1, -8, 0], [x1, 8, 0], [x0, 8, 0]], np.float64)
-    return apply(WORLD_FROM_EGO, corners)[:, :2]
 
 
 def drive() -> Session:
@@ -31,12 +23,6 @@ def drive() -> Session:
     session = grounder.session()
     assert session.say("follow the van").status == "ok"
     return session
-
-
-def told(session: Session, text: str) -> str:
-    answer = session.say(text)
-    assert answer.status == "ok", answer.text()
-    return "; ".join(answer.reasons)
 
 
 @pytest.mark.parametrize(

@@ -6,21 +6,14 @@ from collections.abc import Mapping
 
 import numpy as np
 import pytest
-from street import EGO, RED, WORLD_FROM_EGO, Street
+from street import EGO, RED, WORLD_FROM_EGO, Street, area
 
 from appocc.bevmap import ROAD
 from appocc.checks import FloatArray
-from appocc.geometry import apply
 from appocc.nuscenes.maps import VectorMap
 from grounding import Answer, DrivingStyle, Grounder, GrounderConfig
 
 HALF_M = EGO.length_m / 2
-
-
-def area(x0: float, x1: float, y0: float = -8.0, y1: float = 8.0) -> FloatArray:
-    """The outline of a rectangle of the ego frame, in the world."""
-    corners = np.array([[x0, y0, 0], [x1, y0, 0], [x1, y1, 0], [x0, y1, 0]], np.float64)
-    return apply(WORLD_FROM_EGO, corners)[:, :2]
 
 
 def ask(text: str, landmarks: Mapping[str, list[FloatArray]] | None, street: Street | None = None) -> Answer:
