@@ -244,8 +244,8 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
         return dropped
     if act == "no" and "cancel" in reply.kinds:
         return cancel(talk, text)
-    names = turn.names_vehicle or _names_unlearnt(talk, reply)
-    if names and (act in ("neither", "previous", "following") or turn.answers_by_description):
+    may_describe = act in ("neither", "previous", "following") or turn.answers_by_description
+    if may_describe and (turn.names_vehicle or _names_unlearnt(talk, reply)):
         return answer_fragment(talk, text, reply, replace(turn, act="describe"))  # "neither, she has the van today"
     if act == "number":
         numbered = _answer_number(talk, text, reply, turn.number)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import islice
 
 from appocc.errors import AppoccError
 from grounding.language.syntax.lexicon import Lexicon
@@ -86,11 +85,11 @@ def _find_misspelt_verb(
     normalised: str, tokens: Sequence[Token], lexicon: Lexicon, is_command: Callable[[str], bool]
 ) -> ParseProblem | None:
     """Return the problem of a misspelt verb: with the suggested verb the sentence is a command."""
-    verbs = lexicon.written_words(WordCategory.VERB)
-    unknown = (
+    unknown = [
         token for token in tokens if token.category is WordCategory.UNKNOWN and token.text not in common_words()
-    )
-    for token in islice(unknown, _MAX_MISSPELT):
+    ]
+    verbs = lexicon.written_words(WordCategory.VERB) if unknown else []
+    for token in unknown[:_MAX_MISSPELT]:
         suggestion = suggest_word(token.text, verbs)
         corrected = f"{normalised[: token.start]}{suggestion}{normalised[token.end :]}"
         if suggestion and is_command(corrected):

@@ -162,6 +162,10 @@ class RoadMap:
     def _cars(self) -> dict[float, CarPaths]:
         return {}
 
+    @cached_property
+    def _later(self) -> dict[tuple[frozenset[str], bool], RoadMap]:
+        return {}
+
     def cars_with(self, most_back_m: float = MOST_BACK_M) -> CarPaths:
         """Return the poses that the ego reaches as a car drives, with at most some metres backwards."""
         paths = CarPaths(self.grid, self.ego, self.start, self.clearance_m, self.extra_cost, most_back_m)
@@ -176,6 +180,13 @@ class RoadMap:
         leaving = [one for one in self.free_space.objects if one not in kept and self._drives_on(one)]
         if not leaving:
             return None
+        key = frozenset(one.id for one in leaving), places
+        if key not in self._later:  # several commands and candidates share its ways
+            self._later[key] = self._without(leaving, places)
+        return self._later[key]
+
+    def _without(self, leaving: Sequence[SceneObject], places: bool) -> RoadMap:
+        """Return the road map without vehicles that leave; without `places` they stay where a goal may be."""
         under = ndimage.binary_dilation(cover_cells(self.grid, leaving), iterations=_EDGE_CELLS)
         later = self.free_space.without(leaving, under)
         free = self.drivable & ((later.cell_flags & TAKEN) == 0)
