@@ -20,7 +20,7 @@ _LIMIT = "limit: "
 # Sections that tell how a question begins, and words that name no thing; the others are kinds.
 _FRAME = ("lead", "indirect", "asking", "marked", "wish", "elsewhere", "empty", "edge")
 # Kinds that only tell more of another one.
-_FURTHER = ("slow", "who", "together")
+_FURTHER = ("slow", "who", "together", "people")
 # Kinds whose words describe a thing if its noun follows: "the moving van", "the light green car".
 _MOTION = ("moving", "standing")
 _ATTRIBUTES = (*_MOTION, _LIMIT)
@@ -28,10 +28,16 @@ _ATTRIBUTES = (*_MOTION, _LIMIT)
 _BEFORE_COMMANDS, _PAST = ("exists", "place", "what", "which", *_MOTION), ("did", "have")
 # Words after which a verb begins none.
 _SUBJECTS = (WordCategory.EGO, WordCategory.AUX, WordCategory.PRONOUN, WordCategory.NOT, WordCategory.TO)
+# What begins a relative clause where no question mark ends it.
+_WHICH = (("which", "is"), ("which", "was"))
 # "We're" is no "were".
 _ARE = re.compile(r"(?<=\w)'re\b|(?<=\byou)re\b|(?<=\bthey)re\b")
 _US = frozenset(("we", "us", "you", "u", "i", "our", "your"))
 _MARKS = ".;!?,"
+# Kinds that are told of each of several things, how a question begins that only gives a choice, and most words of a
+# choice after a comma.
+_OF_OPTIONS = ("distance", "measured", "size", "description", "facing", *_MOTION, "place", "exists", "what", "which")
+_CHOICE, _MAX_OFFERED = ("is", "are", "was", "were"), 10
 # Most words before a question that is told by another one: "my daughter wants to know".
 _MAX_BEFORE = 3
 
@@ -46,12 +52,15 @@ class Question:
         words: the words that tell about which thing, '' for none.
         of_us: whether it names the car or us, though perhaps besides a thing.
         event: whether it asks what a thing did: "did you see the van stop?"
+        options: the words about each of the things that it asks to choose from: "which is longer, the van or the
+            bus?"; empty for other questions.
     """
 
     kinds: tuple[str, ...]
     words: str
     of_us: bool = False
     event: bool = False
+    options: tuple[str, ...] = ()
 
     @property
     def kind(self) -> str:
@@ -76,28 +85,52 @@ def read_question(text: str, lexicon: Lexicon | None = None) -> Question | None:
     lexicon = lexicon or default_lexicon()
     written = tuple(respelled(WORD.findall(_ARE.sub(" are", normalise(text))), lexicon))
     words = tuple(word.replace("'", "") for word in written)
-    start = _start(words)
+    start, comma = _start(words), _comma_before_options(words)
+    words, written, offered = words[:comma], written[:comma], written[comma + 1 :]
     if start is None or _says_more(words[start:]) or _find("elsewhere", words, start, lexicon):
         return None
     kinds = (kind for kind in read_sections(_FILE) if kind not in _FRAME)
     spans = {kind: span for kind in kinds if (span := _find(kind, words, start, lexicon))}
     main = next((kind for kind in spans if kind not in _FURTHER), "")
-    begin, end = spans[main] if main else (start, start)
-    kept = [i for i in range(start, len(words)) if not begin <= i < end]
+    telling = (*_MOTION,) if main in _MOTION and "or" in words else (main,)  # "is it parked or moving?"
+    gone = {i for kind in telling if kind in spans for i in range(*spans[kind])}
+    kept = [i for i in range(start, len(words)) if i not in gone]
     until = _verb_after_thing([written[i] for i in kept], lexicon) if main in _BEFORE_COMMANDS else None
     if until is not None and words[start] not in _PAST:
         return None
     kept = kept[:until]
     about = _about(tuple(words[i] for i in kept), tuple(written[i] for i in kept))
     event = until is not None or (main in _MOTION and words[start] in _PAST)
+    options = _split_options(offered or about.split())
+    if options and not main and words[start] in _CHOICE:
+        main = "which"  # "is the van nearer or the bus?"
     others = (kind for kind in spans if kind != main)
-    return Question((main, *others) if main else (), about, not _US.isdisjoint(words[start:]), event)
+    about = "" if options and not offered and main in _OF_OPTIONS else about
+    return Question((main, *others) if main else (), about, not _US.isdisjoint(words[start:]), event, options)
 
 
 def asks_car(text: str, lexicon: Lexicon | None = None) -> bool:
     """Return whether a sentence asks the car something that can be answered, or told to be not known."""
     question = read_question(text, lexicon)
     return question is not None and bool(question.kind)
+
+
+def _comma_before_options(words: tuple[str, ...]) -> int:
+    """Return the index of the comma after which things to choose from follow; the end without one."""
+    comma = words.index(",") if "," in words else len(words)
+    after = words[comma + 1 :]
+    offers = "or" in after[:-1] and len(after) <= _MAX_OFFERED and _US.isdisjoint(after)
+    return comma if offers and not any(word in ".;!," for word in after) else len(words)
+
+
+def _split_options(written: Sequence[str]) -> tuple[str, ...]:
+    """Return the words about each of the things to choose from; nothing if there is no choice."""
+    if "or" not in written:
+        return ()
+    at = written.index("or")
+    halves = (tuple(written[:at]), tuple(written[at + 1 :]))
+    options = tuple(_about(tuple(word.replace("'", "") for word in half), half) for half in halves)
+    return options if all(options) else ()
 
 
 def _start(words: tuple[str, ...]) -> int | None:
@@ -113,7 +146,8 @@ def _start(words: tuple[str, ...]) -> int | None:
 def _start_here(words: tuple[str, ...], start: int, marked: bool) -> int | None:
     """Return the start if a question begins there; "why, ..." is an interjection."""
     asks = _end("asking", words, start) or (marked and _end("marked", words, start))
-    return start if asks and words[asks : asks + 1] != (",",) and not _end("wish", words, start) else None
+    wishes = _end("wish", words, start) and not (marked and words[start : start + 2] in _WHICH)
+    return start if asks and words[asks : asks + 1] != (",",) and not wishes else None
 
 
 def _says_more(words: tuple[str, ...]) -> bool:

@@ -13,6 +13,7 @@ from grounding.dialogue.plans.steps import HOLDING, Words
 from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.telling.reports import aside, notice
 from grounding.language import Reading, WordCategory
+from grounding.language.questions import asks_car
 from grounding.language.replies import words_after_opening, words_end
 from grounding.query import Exclusion, Landmark, Query, Referent
 from grounding.requests import STOPS, Request, requests_of
@@ -71,6 +72,8 @@ def _answer_wait(talk: Conversation, text: str, last: str) -> Answer | None:
     if awaited is None:
         return None
     agrees = awaited.command is None or _agrees(awaited.command.query, steps)
+    if awaited.wait is None and asks_car(last, lexicon):
+        return None  # "when do we arrive?"
     if awaited.wait is None:
         goes = agrees and awaited.command is not None and awaited.command.query.action == "other"
         return _keep(talk, text, "what is to be awaited is not understood") if goes else None

@@ -22,7 +22,7 @@ def tell_landmarks(talk: Conversation, text: str, question: Question) -> Answer 
     tokens = talk.read(text).tokens
     kinds = [LANDMARK_KINDS[one.value] for one in tokens if one.value in LANDMARK_KINDS]
     where = bool({*question.kinds} & {*_WHERE}) or (question.of_us and "duration" in question.kinds)
-    about = where if question.limit else question.kind in _ASKED
+    about = where or "exists" in question.kinds if question.limit else question.kind in _ASKED
     # Beside a vehicle or person a landmark only tells where: "the van at the crossing".
     if not kinds or not about or any(one.category in NAMING for one in tokens):
         return None

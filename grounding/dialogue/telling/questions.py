@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -43,7 +44,9 @@ from grounding.dialogue.telling.things import (
     Things,
     describe_any,
     describe_thing,
+    find_by_it,
     find_things,
+    name_unmapped,
     names_thing,
 )
 from grounding.language import Reading
@@ -58,6 +61,10 @@ from grounding.scene_object import SceneObject
 _TOGETHER_M = 8.0
 # What holds of every place that is found.
 _KEPT = "the place is on the road, and clear of all vehicles that are seen"
+# Kinds that tell what is there; of a choice, each is told.
+_FOUND = ("exists", "place", "what", "which")
+# What is too small for us where there is room, and the other way round.
+_YES_NO, _TURNED = re.compile(r"^(?:yes|no)(?=[:,]|$)"), {"yes": "no", "no": "yes"}
 _BEFORE = (f"{NOT_KNOWN}: what it did before",)
 _Teller = Callable[[Conversation, str, Question], Answer | None]
 
@@ -67,10 +74,14 @@ def answer_question(talk: Conversation, text: str) -> Answer | None:
     question = read_question(text, talk.grounder.lexicon)
     if question is None or not question.kind:
         return None
+    if "people" in question.kinds and not question.limit and (told := _tell_people(talk, text, question)):
+        return told
     if told := tell_landmarks(talk, text, question):
         return told
     if question.limit:
         return unknown(talk, text, question.limit)
+    if question.options and question.kind in _FOUND and not names_thing(talk, question.words):
+        return _tell_each(talk, text, question, describe_one)
     answer = _ANSWERS.get(question.kind)  # a kind that only tells more of another one is not asked alone
     return answer(talk, text, question) if answer else None
 
@@ -88,8 +99,11 @@ def _tell_size(talk: Conversation, text: str, question: Question) -> Answer | No
     if not question.words and not question.of_us and way_to(talk.state.goal) is not None:
         return _tell_duration(talk, text, question)  # "how long?"
     ego = talk.scene.ego
+    ours = f"we are {ego.length_m:.1f} m long and {ego.width_m:.1f} m wide"
     told = _tell_each(talk, text, question, describe_size)
-    return told or aside(talk, text, f"we are {ego.length_m:.1f} m long and {ego.width_m:.1f} m wide")
+    if told is None:
+        return aside(talk, text, ours)
+    return replace(told, reasons=(*told.reasons, ours)) if question.of_us else told  # "is it wider than us?"
 
 
 def _tell_description(talk: Conversation, text: str, question: Question) -> Answer | None:
@@ -109,7 +123,8 @@ def _tell_facing(talk: Conversation, text: str, question: Question) -> Answer | 
 def _tell_distance(talk: Conversation, text: str, question: Question) -> Answer | None:
     """Tell how far away a vehicle is; the goal, if no other vehicle is named."""
     way_m = way_to(talk.state.goal)
-    things = Things() if way_m is not None and not question.words else find_things(talk, question)
+    of_goal = way_m is not None and not (question.words or question.options)
+    things = Things() if of_goal else find_things(talk, replace(question, of_us=question.of_us and way_m is not None))
     told = [describe_one(item, talk.scene) for item in things.items] or [*things.reasons]
     chosen = {step.chosen.item.id for step in talk.state.plan if step.chosen is not None}
     if way_m is not None and (not things.found or things.found[0].item.id in chosen):
@@ -129,6 +144,8 @@ def _tell_motion(talk: Conversation, text: str, question: Question, moving: bool
     """Tell whether a vehicle moves, or stands; what we do, if it is about us."""
     if "which" in question.kinds:
         return None
+    if "place" in question.kinds:
+        return _tell_facing(talk, text, question)  # "where is it going?"
     things = find_things(talk, question)
     if not things.found and not things.reasons:
         return _tell_waiting(talk, text, question)
@@ -136,7 +153,7 @@ def _tell_motion(talk: Conversation, text: str, question: Question, moving: bool
         return _tell_description(talk, text, question)
     (item,) = things.items
     moves = item.speed_mps is not None and item.speed_mps >= MOVING_MPS
-    known = not question.event and (moves or item.is_standing)
+    known = not question.event and not {"moving", "standing"} <= {*question.kinds} and (moves or item.is_standing)
     answer = ("yes: " if moves == moving else "no: ") if known else ""
     return aside(talk, text, f"{answer}{describe_one(item, talk.scene)}", *(_BEFORE if question.event else ()))
 
@@ -192,7 +209,8 @@ def _tell_gap(talk: Conversation, text: str, question: Question) -> Answer | Non
     if names_thing(talk, question.words):
         return tell_room(talk, text, question.words)  # "how big is the gap between the van and the bus?"
     if place is None:
-        return unknown(talk, text, "a gap without a goal")
+        others = _tell_each(talk, text, question, describe_one)  # "is he too close?", of one behind us
+        return others or unknown(talk, text, "a gap without a goal")
     return aside(talk, text, describe_gap(place, talk.scene))
 
 
@@ -217,6 +235,24 @@ def _tell_room(talk: Conversation, text: str, question: Question) -> Answer | No
     return tell_room(talk, text, question.words)
 
 
+def _tell_tight(talk: Conversation, text: str, question: Question) -> Answer | None:
+    """Tell whether a place is too small: no, if there is room."""
+    told = tell_room(talk, text, question.words)
+    return replace(told, reasons=tuple(_YES_NO.sub(lambda one: _TURNED[one[0]], one) for one in told.reasons))
+
+
+def _tell_people(talk: Conversation, text: str, question: Question) -> Answer | None:
+    """Tell who is on foot at a place; None if the question names somebody or something else."""
+    if names_thing(talk, question.words):
+        return None
+    placed = f"people {question.words}"
+    words = placed if describe_thing(talk, placed) else "people"
+    told = _tell_found(talk, text, replace(question, kinds=("exists",), words=words))
+    if told is None or "cross" not in text.lower():
+        return told
+    return replace(told, reasons=(*told.reasons, f"{NOT_KNOWN}: whether anyone is about to cross"))
+
+
 def _count(talk: Conversation, text: str, question: Question) -> Answer | None:
     reading = describe_thing(talk, question.words)
     return count(talk, text, "", reading) if reading is not None else None
@@ -230,6 +266,8 @@ def _tell_found(talk: Conversation, text: str, question: Question) -> Answer | N
         return ask_again(talk, text)
     if which and not question.words:
         return tell_seen(talk, text)
+    if not which and (unmapped := name_unmapped(talk, question.words)):
+        return unknown(talk, text, f"'{unmapped}'")
     reading = describe_any(talk, question.words)
     sought = reading.query.referent if reading is not None else None
     if reading is None or sought is None or ("who" in question.kinds and sought.anaphora):
@@ -239,7 +277,8 @@ def _tell_found(talk: Conversation, text: str, question: Question) -> Answer | N
     here = [] if reading.query.secondary else _all_like(talk, sought)
     if "together" in question.kinds:
         here = [one for one in here if any(one is not other and _are_together(one, other) for other in here)]
-    found = resolve(replace(reading.query, referent=replace(sought, definite=one_only)), talk.scene)
+    by_it = find_by_it(talk, question.words, reading)
+    found = by_it or resolve(replace(reading.query, referent=replace(sought, definite=one_only)), talk.scene)
     likely = [one for one in found.candidates if one.item in here or reading.query.secondary]
     note = _BEFORE if question.event else ()
     if found.status == "not_found" or not (here or likely):
@@ -310,6 +349,8 @@ _ANSWERS: Mapping[str, _Teller] = {
     "duration": _tell_duration,
     "count": _count,
     "distance": _tell_distance,
+    "measured": _tell_size,
+    "tight": _tell_tight,
     "gap": _tell_gap,
     "spot": _tell_spot,
     "room": _tell_room,

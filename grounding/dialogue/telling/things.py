@@ -4,19 +4,28 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import only_named, read_description
 from grounding.dialogue.telling.measures import describe_one
 from grounding.language import Reading, WordCategory
 from grounding.language.questions import Question
 from grounding.query import Query
-from grounding.referent.resolver import Candidate, resolve
+from grounding.referent.resolver import Candidate, Resolution, resolve
+from grounding.referent.spatial_relations import fit_relation
 from grounding.scene_object import SceneObject
 
+# Least membership in a place at another vehicle.
+_LEAST_FIT = 0.2
 # Most vehicles that are told of where the words fit several.
 _MOST_TOLD = 3
 # Words for vehicles and people, and all words that describe a thing, besides its place.
 NAMING = (WordCategory.NOUN, WordCategory.MAKE, WordCategory.MODEL, WordCategory.PERSON, WordCategory.COLOUR)
+_EMPTY = (WordCategory.ONE, WordCategory.THE)
+_POINTING = (WordCategory.PRONOUN, WordCategory.THAT)
+# Words for what is neither a vehicle nor a person, and words after which another thing is named.
+_UNMAPPED, _BEFORE_OTHERS = (WordCategory.THING, WordCategory.PART), (WordCategory.RELATION, WordCategory.WHERE)
 DESCRIBING = (*NAMING, WordCategory.ONE, WordCategory.SUPERLATIVE, WordCategory.ORDINAL)
 
 
@@ -43,13 +52,27 @@ def names_thing(talk: Conversation, words: str) -> bool:
     return bool(words) and any(one.category in DESCRIBING for one in talk.read(words).tokens)
 
 
+def name_unmapped(talk: Conversation, words: str) -> str:
+    """Return the thing that some words are about and no map shows, such as a shop; '' if they are about others."""
+    named = ""
+    for one in talk.read(words).tokens if words else ():
+        if one.category in _BEFORE_OTHERS:
+            break
+        if one.category in DESCRIBING and one.category is not WordCategory.COLOUR:
+            return ""
+        named = one.text if one.category in _UNMAPPED else named
+    return named
+
+
 def describe_thing(talk: Conversation, words: str) -> Reading | None:
     """Return the description of a thing in some words; None if they describe none: a pronoun, or a place alone."""
     if not names_thing(talk, words):
         return None
     # "What vans are there?" after "the yellow van": a noun is not like what was spoken of, "the red one" is.
-    nouns = any(one.category in (WordCategory.NOUN, WordCategory.PERSON) for one in talk.read(words).tokens)
-    if reading := read_description(words, None if nouns else talk.antecedent, talk.readings):
+    tokens = talk.read(words).tokens
+    nouns = any(one.category in (WordCategory.NOUN, WordCategory.PERSON) for one in tokens)
+    points = any(one.category in _POINTING for one in tokens)  # "vehicles behind it"
+    if reading := read_description(words, None if nouns and not points else talk.antecedent, talk.readings):
         return reading
     named = only_named(talk.read(words).tokens)  # "it the blue car"
     return None if named is None else Reading(Query("", referent=named))
@@ -63,6 +86,14 @@ def describe_place(talk: Conversation, words: str) -> Reading | None:
     return reading if placed else None
 
 
+def _describe_one_at(talk: Conversation, words: str) -> Reading | None:
+    """Return the description of a vehicle by its place alone where none was spoken of: "the one behind us"."""
+    tokens = talk.read(words).tokens if words else ()
+    if talk.antecedent is not None or not any(one.category is WordCategory.ONE for one in tokens[:2]):
+        return None
+    return describe_place(talk, " ".join(one.text for one in tokens if one.category not in _EMPTY))
+
+
 def describe_any(talk: Conversation, words: str) -> Reading | None:
     """Return the description of a thing, or of vehicles at a place: "in front of the bus" is no bus."""
     tokens = talk.read(words).tokens if words else ()
@@ -71,18 +102,41 @@ def describe_any(talk: Conversation, words: str) -> Reading | None:
     return first or (describe_thing(talk, words) if placed else describe_place(talk, words))
 
 
+def find_by_it(talk: Conversation, words: str, reading: Reading) -> Resolution | None:
+    """Find what is described by its place at the vehicle in talk: "the one in front of it"; None for other words."""
+    named, by = reading.query.referent, [one for one in reading.query.secondary if one.of == "referent"]
+    points = any(one.category in _POINTING for one in talk.read(words).tokens)
+    if talk.meant is None or named is None or len(by) != 1 or not points:
+        return None
+    table = talk.scene.table
+    rows = {item.id: row for row, item in enumerate(table.items)}
+    if talk.meant.item.id not in rows:
+        return None
+    fit = fit_relation(by[0].relation, table, np.array([rows[talk.meant.item.id]]))[:, 0]
+    every = resolve(Query("", referent=replace(named, definite=False)), talk.scene, len(rows)).candidates
+    there = sorted(
+        (one for one in every if fit[rows[one.item.id]] >= _LEAST_FIT), key=lambda one: -fit[rows[one.item.id]]
+    )
+    if not there:
+        return Resolution("not_found", (), (f"nothing is seen {by[0].relation.replace('_', ' ')} it",))
+    return Resolution("ok", tuple(there), ())
+
+
 def find_things(talk: Conversation, question: Question) -> Things:
-    """Find what a question is about: a vehicle that it describes, else the one that is spoken of."""
-    reading = describe_thing(talk, question.words)
+    """Find what a question is about: a vehicle that it describes, each that it offers, else the one in talk."""
+    if question.options and not names_thing(talk, question.words):
+        each = [find_things(talk, replace(question, words=one, options=())) for one in question.options]
+        return Things(tuple(one for things in each for one in things.found), sum((one.reasons for one in each), ()))
+    reading = describe_thing(talk, question.words) or _describe_one_at(talk, question.words)
     if reading is None:
         tokens = talk.read(question.words).tokens if question.words else ()
-        points = any(one.category in (WordCategory.PRONOUN, WordCategory.THAT) for one in tokens)
+        points = any(one.category in _POINTING for one in tokens)
         of_us = question.of_us and not points
         return Things() if of_us or talk.meant is None else Things((talk.meant,))
     spoken_of = None if reading.query.secondary else talk.in_focus(reading.query)
     if spoken_of is not None:
         return Things((spoken_of,))
-    found = resolve(reading.query, talk.scene)
+    found = find_by_it(talk, question.words, reading) or resolve(reading.query, talk.scene)
     if found.status == "not_found" or not found.candidates:
         return Things(reasons=found.reasons)
     if found.status == "ambiguous" and len(found.candidates) == 1:
