@@ -342,6 +342,8 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
     then = then and not _INSTEAD.search(text)
     if then and turn is not None and turn.act == "then" and turn.is_certain and reply.rest:
         return answer_command(talk, text, reply.rest, then=True, turn=turn)
+    if talk.is_opening and reply.shift and not talk.readings(text)[0].problem:
+        return answer_command(talk, text, text)  # "forward ten metres": there is no goal yet that it may move
     if answer := _answer_reply(talk, text, reply):
         return answer
     if not reply.rest:

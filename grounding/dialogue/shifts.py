@@ -104,7 +104,8 @@ def _direction_to_part_of_road(talk: Conversation, named: Query) -> ShiftDirecti
 def shift_more(talk: Conversation, text: str, sign: float, distance_m: float = BIT_M) -> Answer:
     """Enlarge or reduce the last shift, else the distance to the vehicle of the last command, else along our way."""
     request = talk.state.request
-    direction: ShiftDirection = "ahead"
+    backs = request is not None and request.query.manoeuvre == "back"
+    direction: ShiftDirection = "back" if backs else "ahead"
     if request is not None and request.shifts:
         direction = request.shifts[-1].direction
     elif request is not None and request.query.landmark == "referent":

@@ -22,9 +22,10 @@ from grounding.language.side_clauses import Split, asks_for_place, said_whole, s
 from grounding.language.syntax.clauses import split_clauses
 from grounding.language.syntax.fragments import complete_fragment, complete_last_sentence, drop_opinion, split_run_ons
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon
-from grounding.language.syntax.quantities import named_manners, unheld_amounts
+from grounding.language.syntax.quantities import more_words, named_manners, unheld_amounts
 from grounding.language.syntax.tagging.tagger import tag
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token, Tokenised, normalise, tokenise_all
+from grounding.language.syntax.unitless import guessed_distances, name_units
 from grounding.language.syntax.word_categories import WordCategory
 from grounding.language.syntax.word_model import common_words, homophones
 from grounding.query import Query, Referent
@@ -103,7 +104,7 @@ def parse_all(
     alone = antecedent is None and not verb
     if not (revised and alone):
         return readings
-    first, *others = revise_readings(readings, ways[0].tokens)
+    first, *others = revise_readings(readings, name_units(ways[0].tokens))
     if not first.problem and (first.doubt or first.revised):
         for side in split_reasons(normalised, tagged):
             first_of_rest, *_ = rest = read_without(side)
@@ -261,9 +262,12 @@ def _opposites(corrections: Sequence[tuple[str, str]]) -> list[str]:
 def _notes(way: Tokenised, query: Query) -> list[str]:
     """Return notes on corrected and on ignored words."""
     notes = [f"'{written}' was read as '{read}'" for written, read in way.corrections]
-    unknown = [token.written for token in way.tokens if token.category is WordCategory.UNKNOWN]
+    more = more_words(way.tokens)
+    unknown = [one.written for one in way.tokens if one.category is WordCategory.UNKNOWN and one not in more]
     if unknown:
         notes.append("not understood and left out: " + ", ".join(f"'{word}'" for word in unknown[:8]))
+    if query.action is not None:
+        notes += guessed_distances(way.tokens)
     paced = query.action == "slow_down" or query.pace is not None
     untold = [*unheld_amounts(way.tokens), *([] if paced else named_manners(way.tokens))]
     if query.action is not None and untold:

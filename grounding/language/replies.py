@@ -256,8 +256,14 @@ def _without_distance(words: tuple[str, ...], lexicon: Lexicon) -> tuple[float |
     """Return the distance that some words name, and the other words."""
     tokens = merge_quantities(tokenise(" ".join(words), lexicon))
     named = [token for token in tokens if token.category is WordCategory.DISTANCE]
-    others = " ".join(token.text for token in tokens if token.category is not WordCategory.DISTANCE)
+    others = " ".join(_beyond_distance(token.text) if token in named else token.text for token in tokens)
     return (float(named[0].value) if len(named) == 1 else None), tuple(WORD.findall(others))
+
+
+def _beyond_distance(text: str) -> str:
+    """Return the words of a distance that ask for more of it: "more" of "two metres more"."""
+    changes = (*SHIFTS, "more")
+    return " ".join(word for word in text.split()[-2:] if _longest_match((word,), 0)[1] in changes)
 
 
 def _number(words: Sequence[str], lexicon: Lexicon) -> int | None:

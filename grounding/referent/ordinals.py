@@ -71,13 +71,14 @@ def ordinal_probability(qualifiers: tuple[str, ...], table: ObjectTable, members
 def lead_side(referent: Referent) -> int:
     """Return 1 for "the car in front of us", -1 for "the car behind us", 0 for another position or several cars."""
     qualifiers = {*referent.qualifiers}
-    several = referent.number != 1 or _is_plural(referent.head)
+    several = referent.number != 1 or is_plural(referent.head)
     if several or not referent.in_line or not referent.definite or not qualifiers <= _NON_POSITIONAL:
         return 0
     return ("ahead" in qualifiers) - ("behind_ego" in qualifiers)
 
 
-def _is_plural(head: str) -> bool:
+def is_plural(head: str) -> bool:
+    """Return whether a noun names several."""
     return head.endswith("s") and not head.endswith(("ss", "bus"))
 
 

@@ -9,13 +9,14 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from grounding.query import Landmark, LandmarkRelation, Query, Referent
+from grounding.referent.choice_reasons import DOUBTFUL_FIT, explain_choice, explain_nearer, explain_too_few
 from grounding.referent.clarification import compose_question, describe_differences, describe_one
 from grounding.referent.class_fit import KNOWN_NOUNS, PERSON_NOUNS
 from grounding.referent.doubts import fits_badly, lacks_class, question_about
 from grounding.referent.fuzzy import gaussian
 from grounding.referent.ordinals import find_ordinals
 from grounding.referent.predicates import to_referent
-from grounding.referent.priors import includes_behind, is_behind
+from grounding.referent.rows import end_of_row, names_queue
 from grounding.referent.scene import SceneModel
 from grounding.referent.scoring import ReferentScores, note_unmapped, score_objects
 from grounding.referent.sought import by_vehicle, with_sought_referent
@@ -31,8 +32,8 @@ _TIE_MARGIN = np.log(1.5)
 _TIE_FIT = 0.5
 # Least probability of the object that an ordinal counts to.
 _LEAST_ORDINAL_PROBABILITY = 0.05
-# Below the first no object fits a word; below the second the best object fits it doubtfully.
-_LACKING_FIT, _DOUBTFUL_FIT = 0.12, 0.35
+# Below this no object fits a word.
+_LACKING_FIT = 0.12
 # The two of a pair are this close; factor for pairs between which no car fits.
 _PAIR_SIGMA_M, _NO_ROOM, _MAX_PAIRS = 10.0, 0.1, 40
 
@@ -110,9 +111,12 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
     if not choices:
         return _not_found(sought, referent, scene, scores, limit)
     if find_ordinals(referent.qualifiers) and scores.probability[choices[0].row] < _LEAST_ORDINAL_PROBABILITY:
-        too_few = _explain_too_few(referent, num_matches)
+        too_few = explain_too_few(referent, num_matches)
         return Resolution("not_found", _candidates(choices[:limit], scene, scores), (too_few, *scores.notes))
     choices = _with_named_first(referent, choices, scene)
+    choices, row = _at_end_of_row(sought, referent, choices, scene, scores)
+    if names_queue(referent) and not row:
+        return Resolution("not_found", (), ("no queue is seen ahead of us in our lane", *scores.notes))
     fit, least_score = scores.fit, choices[0].score - _TIE_MARGIN
     least_fit = _TIE_FIT * fit[choices[0].row]  # a nearer van is no car like a farther car
     is_named = _is_named(referent, choices[0], scene)
@@ -135,10 +139,10 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
         described = describe_one(candidates[0].item, scene)
         reason = f"what fits '{referent.phrase()}' best is {described}"
         return Resolution("ambiguous", candidates[:1], (reason, *scores.notes), question, (described,))
-    reasons = _explain_choice(referent, num_matches, candidates[0], scene)
+    reasons = [row] if row else explain_choice(referent, num_matches, candidates[0].item, candidates[0].fits, scene)
     if sought is not named:
         reasons.insert(0, f"no people are known here: '{referent.phrase()}' tells where")
-    reasons += _explain_nearer(referent, choices[0].row, scores, scene)
+    reasons += explain_nearer(referent, choices[0].row, scores, scene)
     return Resolution("ok", candidates, (*reasons, *scores.notes))
 
 
@@ -157,6 +161,21 @@ def resolve_after_turn(query: Query, scene: SceneModel, after: Pose2D, limit: in
         return replace(found, candidates=candidates)
     question, differences = _tell_apart(candidates, scene)
     return replace(found, candidates=candidates, question=question, differences=differences)
+
+
+def _at_end_of_row(
+    query: Query, referent: Referent, choices: list[_Choice], scene: SceneModel, scores: ReferentScores
+) -> tuple[list[_Choice], str]:
+    """Return the end of the row that several vehicles form, and why it is taken; else the choices, and ''."""
+    least_fit = _TIE_FIT * scores.fit[choices[0].row]
+    fitting = [one.row for one in choices if scores.fit[one.row] >= least_fit]
+    found = end_of_row(query, referent, fitting, scene)
+    if found is None:
+        return choices, ""
+    chosen = next(one for one in choices if one.row == found[0])
+    if found[1] == 1:
+        return [chosen], f"it alone fits '{referent.phrase()}' in our lane"
+    return [chosen], f"it is at the end of a row of {found[1]} that fit '{referent.phrase()}'"
 
 
 def _with_named_first(referent: Referent, choices: list[_Choice], scene: SceneModel) -> list[_Choice]:
@@ -179,7 +198,7 @@ def _ask_about_fitting(
 ) -> tuple[tuple[Candidate, ...], str] | None:
     """Return the best object that all words fit and that is out of sight, and the question about it; else None."""
     for one in choices:
-        if all(fit[one.row] >= _DOUBTFUL_FIT for fit in scores.word_fits.values()):
+        if all(fit[one.row] >= DOUBTFUL_FIT for fit in scores.word_fits.values()):
             candidates = _candidates([one], scene, scores)
             question = question_about(query, referent, one.row, candidates[0].fits, scene)
             return (candidates, question) if question else None
@@ -204,7 +223,7 @@ def find_all(referent: Referent, scene: SceneModel) -> tuple[SceneObject, ...]:
     if _explain_absence(referent, scene):
         return ()
     scores = score_objects(Query(""), referent, scene)
-    sure = scores.matches & np.all([fit >= _DOUBTFUL_FIT for fit in scores.word_fits.values()], axis=0)
+    sure = scores.matches & np.all([fit >= DOUBTFUL_FIT for fit in scores.word_fits.values()], axis=0)
     rows = np.flatnonzero(sure)
     nearest = rows[np.argsort(scene.table.distance_m[rows], kind="stable")]
     return tuple(scene.table.items[row] for row in nearest.tolist())
@@ -361,40 +380,3 @@ def _explain_no_pair(query: Query, referent: Referent, scores: ReferentScores) -
     if named:
         return f"nothing here fits '{to_referent(named[0]).phrase()}', to be between it and '{referent.phrase()}'"
     return f"only {int(scores.matches.sum())} here fits '{referent.phrase()}', and two are asked for"
-
-
-def _explain_too_few(referent: Referent, num_matches: int) -> str:
-    words = find_ordinals(referent.qualifiers)
-    return f"no vehicle is the '{' '.join(words)}' one: {num_matches} fit the rest of '{referent.phrase()}'"
-
-
-def _explain_nearer(referent: Referent, chosen: int, scores: ReferentScores, scene: SceneModel) -> list[str]:
-    """Explain why the nearest one is not one that is nearer, behind us or in doubt; nothing if there is none."""
-    if "nearest" not in referent.qualifiers:
-        return []
-    distance_m = scene.table.distance_m
-    nearer = scores.matches & (distance_m < distance_m[chosen])
-    behind = nearer & is_behind(scene.table) & (not includes_behind(referent))
-    whys = (
-        (nearer & ~behind, "fits the other words less well"),
-        (behind, "behind us: that is meant only if the command says so"),
-    )
-    return [f"one {distance_m[which].min():.0f} m away is nearer, but {why}" for which, why in whys if which.any()]
-
-
-def _explain_choice(referent: Referent, num_matches: int, best: Candidate, scene: SceneModel) -> list[str]:
-    """Explain why the best candidate was chosen, and whether its colour is doubtful."""
-    one, several = ("person", "people") if referent.noun in PERSON_NOUNS else ("vehicle", "vehicles")
-    reasons = [f"it fits '{referent.phrase()}' best of {num_matches} {several}"]
-    if ordinals := find_ordinals(referent.qualifiers):
-        rest = replace(referent, qualifiers=tuple(word for word in referent.qualifiers if word not in ordinals))
-        reasons = [f"it is the {' '.join(ordinals)} of {num_matches} {several} that fit '{rest.phrase()}'"]
-    if num_matches == 1:
-        reasons = [f"it is the only {one} that fits '{referent.phrase()}'"]
-    elif not referent.definite:
-        reasons = [f"any of {num_matches} {several} would do: the one that fits best and lies near was taken"]
-    if referent.colour and best.item.rgb is None:
-        reasons.append(f"its colour is not known: '{referent.colour}' could not be checked")
-    elif referent.colour and best.fits[referent.colour] < _DOUBTFUL_FIT:
-        reasons.append(f"its colour looks {scene.colour_name(best.item)} rather than {referent.colour}")
-    return reasons

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from grounding.language.semantics.discourse.relation_attachment import GROUPS
 from grounding.language.syntax.clauses import split_clauses
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import LIGHT_VERBS, MODIFIERS, NOUNS, POLARITY, WordCategory
@@ -85,7 +86,7 @@ def account_for(
         repaired: whether the text corrects itself, or was corrected: then no dropped word is mere context.
     """
     whole = build(tokens)
-    content = [i for i, token in enumerate(tokens) if _is_content(token)]
+    content = [i for i, token in enumerate(tokens) if _is_content(token) and not _is_group(tokens, i)]
     # Negations first: they are tested in a text of any length.
     tested = sorted(content, key=lambda i: tokens[i].category not in POLARITY)[: _MAX_TOKENS_READ // len(tokens)]
     unused = [
@@ -162,6 +163,13 @@ def _is_content(token: Token) -> bool:
     if token.category is WordCategory.RELATION:
         return token.value not in _WEAK_RELATIONS
     return token.category in _CONTENT
+
+
+def _is_group(tokens: Sequence[Token], i: int) -> bool:
+    """Return whether a word only groups the vehicles that are named after it: "the row of parked cars"."""
+    named = next((one for one in tokens[i + 2 :] if one.category in NOUNS), None)
+    several = named is not None and named.category is WordCategory.NOUN and named.form == "plural"
+    return tokens[i].text in GROUPS and _category_at(tokens, i + 1) is WordCategory.OF and several
 
 
 def _is_doubtful(tokens: Sequence[Token], i: int) -> bool:

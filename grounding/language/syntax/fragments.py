@@ -73,6 +73,10 @@ def complete_fragment(tagged: Sequence[Token], verb: str = "") -> Sequence[Token
         return tagged if has_verb else [_verb_before(first, verb), *tagged]
     if first.category is WordCategory.DIRECTION and not rest and first.value != "straight":
         return [replace(_verb_before(first, f"turn {first.value}"), end=first.end)]
+    if all(token.category is WordCategory.DISTANCE or token.value == "straight" for token in words) and (
+        WordCategory.DISTANCE in (token.category for token in words)
+    ):
+        return [_verb_before(first, "go"), *tagged]  # "ten metres more", "forward fifteen"
     if _names_branch(words):
         return [_verb_before(first, "take"), *tagged]
     if first.category is WordCategory.LANE and (not rest or rest[0].category in _AFTER_LANE):
@@ -85,7 +89,8 @@ def complete_fragment(tagged: Sequence[Token], verb: str = "") -> Sequence[Token
         return [_verb_before(first, "avoid"), *words[2:]]  # "not so close to the bus"
     if any(token.category in _PREDICATES for token in words) or not any(token.category in HEADS for token in rest):
         return tagged
-    place = first.category in (WordCategory.RELATION, WordCategory.BETWEEN) and first.value not in _NO_PLACES
+    begins = rest[0] if first.category is WordCategory.DISTANCE else first  # "two metres behind the bus"
+    place = begins.category in (WordCategory.RELATION, WordCategory.BETWEEN) and begins.value not in _NO_PLACES
     place = place or (first.category is WordCategory.SUB and first.value in ("after", "before"))
     sided = first.category in (WordCategory.SIDE, WordCategory.WHERE)  # "left side, after the bus"
     place = place or (sided and any(token.category in (WordCategory.RELATION, WordCategory.SUB) for token in rest))

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from grounding.language.syntax.tokenizer import Token
+from grounding.language.syntax.unitless import number_at, read_number, read_unitless
 from grounding.language.syntax.word_categories import HEADS, MODIFIERS, WordCategory
 
 # Words for a manner of driving; those for care ("safely") ask for nothing else than is done anyway.
 _MANNERS = ("slow", "slowly", "quick", "quickly", "fast", "gently", "gradually", "softly", "smoothly")
 # Categories of which a number before them counts.
 _COUNTED = MODIFIERS | HEADS | {WordCategory.UNIT, WordCategory.UNKNOWN, WordCategory.OF, WordCategory.VERB}
+# Words beside a unit of length that ask for so much more.
+_MORE = ("more", "further", "farther", "extra")
 # Last words of phrases for a duration that the lexicon leaves out.
 _DURATIONS = ("minutes", "secs", "ticks")
 # Words before a distance that make it a limit, and the categories of the words of such a limit: "in the next".
@@ -27,8 +30,11 @@ def unheld_amounts(tokens: Sequence[Token]) -> list[str]:
     found: list[str] = []
     i = 0
     while i < len(tokens):
+        if (unitless := read_unitless(tokens, i)) is not None:
+            i = unitless[0]
+            continue
         end = i
-        while end < len(tokens) and _number_at(tokens, end) is not None:
+        while end < len(tokens) and number_at(tokens, end) is not None:
             end += 1
         after = tokens[end].category if end < len(tokens) else WordCategory.BREAK
         before = tokens[i - 1] if i else None
@@ -54,50 +60,54 @@ def merge_quantities(tokens: Sequence[Token]) -> list[Token]:
     merged: list[Token] = []
     i = 0
     while i < len(tokens):
-        end, value, has_number = i, 0.0, False
-        while end < len(tokens) and (number := _number_at(tokens, end)) is not None:
-            # "two hundred" multiplies, "twenty five" adds.
-            value = value * number if has_number and number in (100, 1000) else value + number
-            has_number, end = True, end + 1
-            if end + 1 < len(tokens) and tokens[end].category is WordCategory.AND:
-                # "Two and a half", "a hundred and fifty".
-                end += (_number_at(tokens, end + 1) or 1000) < (100 if value >= 100 else 1)
-        article = end == i and tokens[i].category is WordCategory.ANY
+        end, value = read_number(tokens, i)
+        end += value is not None and _is_more(tokens, end) and _is_unit(tokens, end + 1)  # "five more metres"
+        article = value is None and tokens[i].category is WordCategory.ANY
         unit_at = end + article
-        unit = tokens[unit_at] if unit_at < len(tokens) and (has_number or article) else None
+        unit = tokens[unit_at] if unit_at < len(tokens) and (value is not None or article) else None
         if unit is not None and unit.category is WordCategory.UNIT:
             qualifying = (WordCategory.ANY, WordCategory.EXTRA, WordCategory.ABOUT)
-            while has_number and merged and merged[-1].category in qualifying:
+            while value is not None and merged and merged[-1].category in qualifying:
                 merged.pop()  # "a good 15 metres"
-            if has_number and merged and merged[-1].text == "by":
+            if value is not None and merged and merged[-1].text == "by":
                 merged.pop()  # "reverse by five metres"
-            if has_number and merged and merged[-1].text in _LIMITS:  # "in the next 50 metres" limits the place
+            if (
+                value is not None and merged and merged[-1].text in _LIMITS
+            ):  # "in the next 50 metres" limits the place
                 while merged and merged[-1].category in _BEFORE_LIMIT:
                     merged.pop()
                 i = unit_at + 1
                 continue
-            merged.append(_distance(tokens[i : unit_at + 1], (value if has_number else 1.0) * float(unit.value)))
-            i = unit_at + 1
+            metres = (1.0 if value is None else value) * float(unit.value)
+            after = unit_at + 1 + (value is not None and _is_more(tokens, unit_at + 1))  # "five metres more"
+            merged.append(_distance(tokens[i:after], metres))
+            i = after
         elif unit is not None and unit.category is WordCategory.TIME:
             i = unit_at + 1
+        elif (unitless := read_unitless(tokens, i)) is not None:
+            merged.append(_distance(tokens[i : unitless[0]], unitless[1]))
+            i = unitless[0]
         else:
             merged.append(tokens[i])
             i += 1
     return merged
 
 
-def _number_at(tokens: Sequence[Token], i: int) -> float | None:
-    """Return the number that a token stands for; "one" and "couple" do before a unit, and "one" before a number."""
-    token = tokens[i]
-    if token.text == "couple" and i + 1 < len(tokens) and tokens[i + 1].category is WordCategory.UNIT:
-        return 2.0
-    if token.category is WordCategory.NUMBER:
-        return float(token.value)
-    after = tokens[i + 1] if i + 1 < len(tokens) else token
-    followed = after.category in (WordCategory.UNIT, WordCategory.TIME) or after.value in ("100", "1000")
-    if after.category is WordCategory.AND and i + 2 < len(tokens):  # "one and a half"
-        followed = tokens[i + 2].category is WordCategory.NUMBER and float(tokens[i + 2].value) < 1
-    return 1.0 if token.category is WordCategory.ONE and token.text == "one" and followed else None
+def more_words(tokens: Sequence[Token]) -> list[Token]:
+    """Return the words that only say that a distance is to be added: "more" in "five metres more"."""
+    return [
+        one
+        for i, one in enumerate(tokens)
+        if _is_more(tokens, i) and (_is_unit(tokens, i - 1) or _is_unit(tokens, i + 1))
+    ]
+
+
+def _is_more(tokens: Sequence[Token], i: int) -> bool:
+    return 0 <= i < len(tokens) and tokens[i].text in _MORE
+
+
+def _is_unit(tokens: Sequence[Token], i: int) -> bool:
+    return 0 <= i < len(tokens) and tokens[i].category is WordCategory.UNIT
 
 
 def _distance(tokens: Sequence[Token], metres: float) -> Token:

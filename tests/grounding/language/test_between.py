@@ -73,3 +73,28 @@ def test_clothes_are_no_colour_of_a_vehicle(text: str, colour: str | None, cloth
         assert (referent.colour, referent.clothes) == (colour, clothes)
     else:
         assert referent.clothes is None
+
+
+@pytest.mark.parametrize(
+    ("text", "noun", "colours"),
+    [
+        ("park between the red and blue cars", "car", ["red", "blue"]),
+        ("stop in the gap between the silver and green vans", "van", ["silver", "green"]),
+        ("between the black and white cars", "car", ["black", "white"]),
+        ("squeeze in between the dark blue and grey trucks", "truck", ["dark blue", "grey"]),
+        ("between the yellow and the red car", "car", ["yellow", "red"]),
+    ],
+)
+def test_two_colours_are_two_vehicles(text: str, noun: str, colours: list[str]) -> None:
+    reading = parse(text)
+    referent = reading.query.referent
+    assert referent is not None
+    assert (reading.query.relation, reading.dropped) == ("between", ())
+    ends = [(referent.noun, referent.colour), *((one.noun, one.colour) for one in reading.query.secondary)]
+    assert ends == [(noun, colour) for colour in colours]
+
+
+def test_two_colours_of_one_vehicle_are_no_pair() -> None:
+    referent = parse("park behind the blue and white van").query.referent
+    assert referent is not None
+    assert (referent.noun, referent.colour) == ("van", "blue")

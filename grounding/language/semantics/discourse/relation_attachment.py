@@ -12,7 +12,7 @@ _KERBS = ("kerb", "curb", "roadside", "kerbside", "curbside")
 _AT_KERB, _STANDING = ("toward", "near", "next_to", "at"), ("park", "stop", "pull_over")
 # Kinds of noun phrases that a frame may be about.
 TARGET_KINDS = ("vehicle", "traffic", "pronoun", "one", "person")
-_GROUPS = ("row", "line", "queue", "group", "string", "bunch", "series", "pair", "set", "cluster", "first", "rest")
+GROUPS = ("row", "line", "queue", "group", "string", "bunch", "series", "pair", "set", "cluster", "first", "rest")
 _OBJECT_VERBS = ("avoid", "approach", "overtake", "follow", "wait", "stop")
 # Relations of a sign or a person to the vehicle that is named after it.
 _INVERTIBLE = ("near", "next_to", "behind", "in_front_of", "opposite", "toward")
@@ -27,7 +27,7 @@ def attach_related(state: DiscourseState, relation: str, phrase: NounPhrase) -> 
     if phrase.kind == "vehicle" and frame.target is None and _in_clause_of_place(state):
         state.in_relative_clause = False
         attach_target(state, relation, phrase)  # "in the spot that is behind the van"
-    elif whole is not None and phrase.head in _GROUPS and _is_last_landmark(frame, whole):
+    elif whole is not None and phrase.head in GROUPS and _is_last_landmark(frame, whole):
         frame.landmarks.append((frame.landmarks.pop()[0], phrase))  # "at the end of the row of vans"
         add_mention(state, phrase, "landmark")
     elif whole is not None and whole.kind == "one" and phrase.noun:
@@ -36,7 +36,7 @@ def attach_related(state: DiscourseState, relation: str, phrase: NounPhrase) -> 
         if noun is not None and not state.event_stated:
             noun.related.append((relation, phrase))
         add_mention(state, phrase, "landmark")
-    elif whole is not None and whole.head in _GROUPS and phrase.kind == "vehicle" and _is_target_group(frame, whole):
+    elif whole is not None and whole.head in GROUPS and phrase.kind == "vehicle" and _is_target_group(frame, whole):
         attach_target(state, frame.landmarks.pop()[0], phrase)  # "past the row of parked cars"
     elif whole is not None and whole.kind in PLACE_KINDS and phrase.kind == "vehicle":
         if whole.noun != "side":  # "the spot of the van"

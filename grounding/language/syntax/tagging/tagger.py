@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import zip_longest
 from typing import NamedTuple
 
 from grounding.language.syntax.quantities import merge_quantities
@@ -168,11 +169,18 @@ def _as_person(before: Token | None, token: Token) -> Token:
     return token.with_category(WordCategory.PERSON, "person") if named else token
 
 
+def _as_reversing(token: Token, after: Token | None) -> Token:
+    """Return "back" before a distance as a verb: "back five metres"."""
+    measured = token.text == "back" and after is not None and after.category is WordCategory.DISTANCE
+    return token.with_category(WordCategory.VERB, "other back") if measured else token
+
+
 def tag(tokens: Sequence[Token]) -> list[Token]:
     """Return the tokens with their category in context, quantities merged and fillers removed."""
     tagged: list[Token] = []
     quantities = merge_quantities(tokens)
     merged = [_as_person(before, token) for before, token in zip([None, *quantities], quantities, strict=False)]
+    merged = [_as_reversing(token, after) for token, after in zip_longest(merged, merged[1:]) if token is not None]
     kept = [token for token in merged if token.category not in _DROPPED]
     for i, token in enumerate(kept):
         after = kept[i + 1 : i + 6]

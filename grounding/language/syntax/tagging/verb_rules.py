@@ -65,6 +65,9 @@ _AFTER_PARKING = (
     WordCategory.SUB,
 )
 
+# Verbs that turn round, but before a distance drive backwards.
+_GO_BACK = ("go back", "head back", "drive back")
+
 
 def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
     """Tag verbs that are nouns, states or fillers in context, and shorten phrasal verbs."""
@@ -98,6 +101,8 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
             return token.with_category(WordCategory.VERB, "overtake")  # "swing round that van"
         if head.value == "corner":
             return token.with_category(WordCategory.VERB, "turn")
+    if token.value == "turn around" and token.text in _GO_BACK and following is WordCategory.DISTANCE:
+        return token.with_category(WordCategory.VERB, "other back")  # "go back two metres"
     if token.value in TURNS and after and after[0].text.startswith("lane"):
         # "take the left lane"
         return token.with_category(WordCategory.VERB, token.value.replace("turn", "change_lane"))

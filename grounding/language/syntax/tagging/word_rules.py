@@ -170,12 +170,27 @@ def tag_number(before: Sequence[Token], token: Token, after: Sequence[Token]) ->
 
 
 def tag_joint(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
-    """Drop a comma or "and" between two modifiers of one noun."""
+    """Drop a comma or "and" between two modifiers of one noun, but not "between the white and grey cars"."""
     inside = category_at(before, -1) in MODIFIERS and category_at(after, 0) in MODIFIERS
     same = inside and (
         token.category is WordCategory.COMMA or before[-1].category is after[0].category is WordCategory.COLOUR
     )
+    if same and token.category is WordCategory.AND and _begins_between(before) and _names_several(after):
+        return token
     return token.with_category(WordCategory.FILLER) if same else token
+
+
+def _begins_between(before: Sequence[Token]) -> bool:
+    """Return whether tokens end with "between" and the modifiers of its first end."""
+    inner = MODIFIERS | DETERMINERS
+    last = next((token for token in reversed(before) if token.category not in inner), None)
+    return last is not None and last.category is WordCategory.BETWEEN
+
+
+def _names_several(after: Sequence[Token]) -> bool:
+    """Return whether the noun of a phrase is a plural: "grey cars"."""
+    head = next((token for token in after if token.category not in MODIFIERS), None)
+    return head is not None and (head.form == "plural" or head.written == "ones")
 
 
 def tag_to(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
