@@ -77,7 +77,7 @@ LANDMARK_KINDS: dict[str, str] = {
     **dict.fromkeys(("traffic_light", "traffic_signal"), "traffic light"),
     **dict.fromkeys(("stop_sign",), "stop sign"),
     **dict.fromkeys(("junction", "intersection", "crossroad", "crossroads", "t_junction", "roundabout"), "junction"),
-    **dict.fromkeys(("corner", "street_corner"), "junction"),
+    **dict.fromkeys(("corner", "street_corner", "bend", "curve"), "junction"),
     **dict.fromkeys(("car_park", "parking_lot", "parking_area", "parking_garage"), "car park"),
 }
 # Colour word -> basic colour.

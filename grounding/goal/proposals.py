@@ -13,11 +13,12 @@ from grounding.goal.beside_vehicle import PARKING, SECOND, Proposal, propose_bes
 from grounding.goal.candidates import CandidateSet, DistanceRange
 from grounding.goal.lane_relative import propose_between, propose_on_our_way, propose_opposite
 from grounding.goal.reference_frames import ReferenceVehicle
-from grounding.goal.turns import explain_passed, propose_side_road
+from grounding.goal.turns import WHICH_WAY, explain_passed, propose_corner, propose_side_road
 from grounding.query import Query
 from grounding.referent.class_fit import PERSON_NOUNS
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
+from grounding.vocabulary import LANDMARK_KINDS
 
 # Relation that an action implies.
 _RELATION_OF = {
@@ -55,7 +56,6 @@ _REFUSALS = {
     "off_road": "beside the road there is no place for a car",
     "speeding": "a speed limit is not to be broken",
 }
-_WHICH_WAY = "the command does not say which way to turn"
 _OFF_ROAD_NOUNS = ("pavement", "sidewalk", "footpath")
 
 # Candidate sets are None if the command asks for no place.
@@ -68,6 +68,9 @@ def propose_candidates(
     """Return the candidate sets of a command, best first, and the frame of reference in words."""
     if query.action is None:
         return None, ["this is no driving command"]
+    if item is None and _is_corner(query):
+        corner, why = propose_corner(road)
+        return corner or None, why
     if item is None and (part := landmark_of(query)):
         return propose_at_landmark(query, part, road)
     if item is None:
@@ -89,6 +92,14 @@ def propose_candidates(
         what = "to the kerb" if query.distance_of == "kerb" else "to go"
         reasons.append(f"the {query.distance_m:.3g} m {what} are not held: the vehicle says where")
     return found, reasons
+
+
+def _is_corner(query: Query) -> bool:
+    """Return whether a command turns at a corner and does not say to which side: "go round the corner"."""
+    corners = [one for one in query.secondary if LANDMARK_KINDS.get(one.noun) == "junction" and one.of == "goal"]
+    round_it = any(one.relation in ("near", "into") for one in corners)
+    turns = query.action == "turn" and (query.direction is None or (query.direction == "around" and round_it))
+    return bool(corners) and (turns or (query.action == "other" and query.direction is None and round_it))
 
 
 def explain_refusal(query: Query) -> str:
@@ -149,7 +160,7 @@ def _propose_with(query: Query, road: RoadMap, item: SceneObject, partner: Scene
         how = relation if relation in ("past", "before") else "at"
         return propose_side_road(road, query.direction, along_m, how)
     if action == "turn" and query.direction is None:
-        return None, [_WHICH_WAY]
+        return None, [WHICH_WAY]
     if query.direction == "around":
         beyond_m = ReferenceVehicle(item, road, 0.0).lane_position[0] + item.length_m / 2 + _TURN_BEYOND_M
         return ego_lane.propose_turned_around(road, beyond_m if relation == "past" else _TURN_M), []
@@ -221,7 +232,7 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
     if action in ("wait", "give_way"):
         return ego_lane.propose_here(road), []
     if action == "turn":
-        return None, [_WHICH_WAY]
+        return None, [WHICH_WAY]
     if action == "other":
         return None, ["the command names no place to go to"]
     return None, [f"the command names no vehicle to {(action or '').replace('_', ' ')}"]

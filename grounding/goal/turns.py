@@ -10,8 +10,9 @@ from scipy import ndimage
 from appocc.checks import FloatArray, IntArray
 from appocc.geometry import wrap_angle
 from grounding.goal.beside_vehicle import Proposal
-from grounding.goal.candidates import CandidateSet
-from grounding.goal.ego_lane import junction_cost
+from grounding.goal.candidates import CandidateSet, DistanceRange
+from grounding.goal.ego_lane import junction_cost, propose_in_lane
+from grounding.road.lane_model import POINT_M
 from grounding.road.road_map import RoadMap
 
 # A side road differs from the ego lane by an angle in this range.
@@ -24,6 +25,7 @@ _MAX_BACK_M = 2.0
 _CORNER_RAD, _CORNER_M = np.radians(45), 14.0
 # A road that we have passed is this near.
 _PASSED_M = 30.0
+WHICH_WAY = "the command does not say which way to turn"
 # The confidence of the road axis is above this on a side road, and below it in the junction.
 _CONFIDENT = 0.5
 
@@ -79,6 +81,37 @@ def propose_side_road(
     cost += junction_cost(road, cells)
     reasons = [f"the road to the {side} branches off {chosen.along_m:.0f} m ahead"]
     return [CandidateSet(f"on the road to the {side}", cells, cost, heading)], reasons
+
+
+def propose_corner(road: RoadMap) -> Proposal:
+    """Propose candidates round the corner: where our lane bends, or on the only side road there is.
+
+    Where there are roads to both sides, the reasons say that the command does not tell which.
+    """
+    ahead_m, side = _bend_of_lane(road)
+    if side:
+        beyond = DistanceRange(ahead_m + _INTO_M, ahead_m + _CORNER_M, ahead_m + _CORNER_M + _INTO_M)
+        found = propose_in_lane(road, beyond, "in our lane, round the corner")
+        return found, [f"our lane bends to the {side} {ahead_m:.0f} m ahead"]
+    by_side = {side: propose_side_road(road, side) for side in ("left", "right")}
+    branches = [each for each in by_side.values() if each[0]]
+    if len(branches) == 1:
+        return branches[0]
+    if not branches:
+        return [], ["the map shows no corner ahead of us"]
+    return [], [f"{WHICH_WAY}: there are roads to the left and to the right"]
+
+
+def _bend_of_lane(road: RoadMap) -> tuple[float, str]:
+    """Return how far ahead our lane bends into another direction, and to which side; '' where it does not."""
+    lane = road.ego_lane
+    straight = lane.straighten_at_corner(_CORNER_RAD, _CORNER_M)
+    parts = np.flatnonzero(np.hypot(*(lane.points_m - straight.points_m).T) > POINT_M / 10)
+    ahead_m = lane.start_m + POINT_M * float(parts[0]) if len(parts) else 0.0
+    if ahead_m <= 0:
+        return 0.0, ""
+    turned = wrap_angle(lane.heading_rad(np.array(ahead_m + _CORNER_M)) - lane.heading_rad(np.array(ahead_m)))
+    return ahead_m, "left" if turned > 0 else "right"
 
 
 def explain_passed(road: RoadMap, side: str) -> list[str]:

@@ -287,6 +287,8 @@ def _classify_take(frame: CommandFrame) -> str | None:
 def _classify_bring(frame: CommandFrame) -> str | None:
     """Classify bring: "bring me to the van", "take us home"."""
     named = any(relation != "object" for relation, _ in frame.landmarks)
+    if frame.goes_around and frame.target is None and frame.has_landmark(*_CORNERS):
+        return "turn"  # "take us round the corner"
     if frame.relation == "past":
         return "drive_past"
     to_target = frame.target is not None and not frame.target_is_object

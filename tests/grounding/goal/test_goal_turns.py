@@ -67,3 +67,35 @@ def test_no_road_past_a_vehicle() -> None:
     made = plan_in(crossing(8).car("car", 22, -5), make_query("turn", "past", direction="left"))
     assert made.target is None
     assert has_reason(made, "no road that branches off to the left past it")
+
+
+@pytest.mark.parametrize("text", ["go round the corner", "nip round the bend", "take us round the next corner"])
+def test_the_corner_is_the_only_side_road_there_is(text: str) -> None:
+    answer = crossing(15).grounder().ground(text)
+    assert answer.target is not None, answer.text()
+    assert answer.target.ego_m[1] > HALF_ROAD_M
+    assert answer.target.heading_ego_rad == pytest.approx(np.pi / 2, abs=0.3)
+
+
+def test_a_corner_without_a_side_road_is_told() -> None:
+    answer = Street().grounder().ground("go round the corner")
+    assert answer.status == "not_found"
+    assert "no corner ahead" in answer.text()
+
+
+def test_where_both_sides_have_a_road_the_side_is_asked_for() -> None:
+    street = crossing(15)
+    x, y = np.moveaxis(street.grid.centres(), -1, 0)
+    street.occupancy[ROAD, (np.abs(x - 15) < 4) & (y < 0)] = 1
+    answer = street.grounder().ground("drive round the corner")
+    assert answer.status == "not_found"
+    assert "to the left and to the right" in answer.text()
+
+
+def test_our_lane_round_a_bend_is_the_corner() -> None:
+    street = Street()
+    x, y = np.moveaxis(street.grid.centres(), -1, 0)
+    street.occupancy[ROAD] = ((np.abs(y) < 3) & (x < 18)) | ((np.abs(x - 15) < 3) & (y > -3))
+    answer = street.grounder().ground("go round the bend")
+    assert answer.target is not None, answer.text()
+    assert answer.target.ego_m[1] > 4

@@ -100,7 +100,12 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
         if head.category in (WordCategory.NOUN, WordCategory.ONE):
             return token.with_category(WordCategory.VERB, "overtake")  # "swing round that van"
         if head.value == "corner":
-            return token.with_category(WordCategory.VERB, "turn")
+            said = "turn right" if "right" in token.text.split() else "turn"  # "turn right round the corner"
+            return token.with_category(WordCategory.VERB, said)
+    if token.value == "overtake" and token.text.endswith("round"):
+        head = _head(after)
+        if head is not None and head.value == "corner":
+            return token.with_category(WordCategory.VERB, "turn")  # "go round the corner"
     if token.value == "turn around" and token.text in _GO_BACK and following is WordCategory.DISTANCE:
         return token.with_category(WordCategory.VERB, "other back")  # "go back two metres"
     if token.value in TURNS and after and after[0].text.startswith("lane"):
