@@ -4,8 +4,8 @@
                                                    [--cases 300] [--seed 0]
 
 The cases are those of `benchmarks.grounding_cases`, the ambiguous and absent ones included: an `ok` answer to one of
-them is wrong. The weights are fitted on the `ok` answers of ROOT by maximum likelihood with a mild prior towards
-zero. The reliability table is that of the `ok` answers on the other dataset, which the fit has not seen; without
+them is wrong. The answers that are asked about because of a low confidence are taken as if they were acted on. The
+weights are fitted on the `ok` answers of ROOT by maximum likelihood with a mild prior towards zero. The reliability table is that of the `ok` answers on the other dataset, which the fit has not seen; without
 --check it is that of the answers that were fitted.
 """
 
@@ -15,6 +15,7 @@ import argparse
 from collections.abc import Iterator, Sequence
 from itertools import groupby, pairwise
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 from rich.console import Console
@@ -26,6 +27,7 @@ from appocc.errors import AppoccError
 from benchmarks.grounding_cases import _has_objects, ask, judge, product_and_map
 from benchmarks.grounding_truth.case_generation import make_cases
 from benchmarks.grounding_truth.key_frames import Town
+from grounding import answering
 from grounding.confidence import Evidence, confidence_of, gather_evidence
 
 # Strength of the prior, and edges of the bins of the table.
@@ -86,20 +88,20 @@ def main(words: Sequence[str] | None = None) -> None:
     given = parser.parse_args(words)
     console = Console(width=110)
     try:
-        rows = list(collect(given.root, given.bev, given.cases, given.seed))
+        with patch.object(answering, "is_worth_acting", lambda confidence: True):
+            rows = list(collect(given.root, given.bev, given.cases, given.seed))
+            checked = list(collect(given.check, given.bev, given.cases, given.seed)) if given.check else rows
         weights = fit_weights(np.array([row[0] for row in rows]), np.array([row[1] for row in rows]))
         fitted = dict(zip(("bias", *Evidence._fields), weights.round(2).tolist(), strict=True))
         console.print(f"fitted on {len(rows)} answers: {fitted}", highlight=False)
-        if given.check:
-            rows = list(collect(given.check, given.bev, given.cases, given.seed))
     except AppoccError as error:
         parser.exit(2, f"{error}\n")
-    right = np.array([row[1] for row in rows])
-    present = np.array([confidence_of(row[0]) for row in rows])
-    refitted = 1 / (1 + np.exp(-(weights[0] + np.array([row[0] for row in rows]) @ weights[1:])))
+    evidence, right = np.array([row[0] for row in checked]), np.array([row[1] for row in checked])
+    present = np.array([confidence_of(row[0]) for row in checked])
+    refitted = 1 / (1 + np.exp(-(weights[0] + evidence @ weights[1:])))
     for title, confidence in (("weights of the package", present), ("weights of this fit", refitted)):
         brier = float(((confidence - right) ** 2).mean())
-        console.print(f"{title}: {len(rows)} answers, {right.mean():.3f} right, Brier score {brier:.3f}")
+        console.print(f"{title}: {len(checked)} answers, {right.mean():.3f} right, Brier score {brier:.3f}")
         console.print(reliability(confidence, right))
 
 

@@ -22,6 +22,9 @@ _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d{1,2} ?(?:m|met(?:er|re)s?|feet|foot|
 # "km/h" and "miles an hour" are one word; "30kmh" is taken apart later.
 _SPEED_UNIT = re.compile(r"(?<![a-z])(?:(?:kms?|kilomet(?:er|re)s?|miles?) ?(?:/|an?|per) ?h(?:ou)?r?|km/?h|kph)\b")
 _WILL = re.compile(r"\b(he|she|it|they)'ll\b")
+# A side, and "exactly" before a relation; relations that name a place at a vehicle, and no place to turn.
+_INTENSIFIER = "right"
+_AT_VEHICLE = ("behind", "in_front_of", "next_to")
 _MARKS = {",": WordCategory.COMMA} | dict.fromkeys(".;!?", WordCategory.BREAK)
 
 
@@ -109,6 +112,7 @@ def _match_phrases(
     words, tokens, i, used = decoded.words, [], 0, 0
     while i < len(words):
         end, entry = lexicon.longest_match(words, i) or (i + 1, _entry_without_match(words[i], lexicon))
+        end, entry = _without_intensifier(words, i, lexicon) or (end, entry)
         first, last = decoded.spans[i][0], decoded.spans[end - 1][1]
         tokens += _left_out(normalised, found[used:first])
         start, stop = found[first].start(), found[last - 1].end()
@@ -126,6 +130,23 @@ def _match_phrases(
         tokens.append(token)
         i, used = end, last
     return (*tokens, *_left_out(normalised, found[used:]))
+
+
+def _without_intensifier(words: tuple[str, ...], start: int, lexicon: Lexicon) -> tuple[int, LexicalEntry] | None:
+    """Return the match of a verb without its last word, if that belongs to what follows: "go right behind the van".
+
+    None for a verb that turns without that word, too, and before places at which we can turn: "go right after the van".
+    """
+    longest = lexicon.longest_match(words, start)
+    if longest is None or longest[1].category is not WordCategory.VERB or words[longest[0] - 1] != _INTENSIFIER:
+        return None
+    last = longest[0] - 1
+    relation = lexicon.longest_match(words, last)
+    if relation is None or relation[0] == last + 1 or relation[1].value not in _AT_VEHICLE:
+        return None
+    shorter = lexicon.longest_match(words[:last], start)
+    turns = shorter is None or shorter[0] != last or shorter[1].value.startswith("turn")
+    return None if turns else shorter
 
 
 def _left_out(normalised: str, found: Sequence[re.Match[str]]) -> list[Token]:
