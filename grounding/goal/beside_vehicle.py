@@ -17,7 +17,7 @@ Proposal = tuple[list[CandidateSet], list[str]]
 
 # Preferred gap between bumpers of actions that have one of their own; for pulling over beyond that for parking.
 _PASSED_M, _PULLED_OVER_M = 6.0, 0.5
-_PASSING, _MIN_PASSED_M = ("overtake", "drive_past"), 2.0
+PASSING, _MIN_PASSED_M = ("overtake", "drive_past"), 2.0
 # Tolerance beyond the preferred gap (a queue may be in between, except for parking) and below it.
 _FURTHER_M, _FURTHER_PARKED_M, _CLOSER_M = 10.0, 3.0, 3.0
 # Tolerance along the vehicle for candidates level with it.
@@ -44,7 +44,7 @@ _SIDE_COSTS = {"near": (0.5, 0.5, 0.0, 0.0), "at": (0.0, 0.0, 0.0, 0.0), "toward
 
 def preferred_gap_m(action: str | None, style: DrivingStyle) -> float:
     """Return the gap between bumpers for an action without a distance in the command."""
-    if action in _PASSING:
+    if action in PASSING:
         return _PASSED_M
     if action in PARKING:
         return style.park_gap_m + (_PULLED_OVER_M if action == "pull_over" else 0.0)
@@ -62,14 +62,17 @@ def gap_range(query: Query, item: SceneObject, style: DrivingStyle) -> DistanceR
     if follows:
         preferred = style.following_m + style.following_s * (item.speed_mps or 0.0)
     # A follower keeps its distance; after passing a vehicle, a small gap is enough.
-    least = _MIN_PASSED_M if query.action in _PASSING else max(_MIN_GAP_M, preferred - _CLOSER_M)
+    least = _MIN_PASSED_M if query.action in PASSING else max(_MIN_GAP_M, preferred - _CLOSER_M)
     return DistanceRange(least, preferred, preferred + (_FURTHER_PARKED_M if query.action in PARKING else _FURTHER_M))
 
 
-def gap_cost(gap_m: FloatArray, preferred_m: float) -> FloatArray:
-    """Return the cost (N,) of gaps; shorter than preferred costs more than longer, less so for large gaps."""
+def gap_cost(gap_m: FloatArray, preferred_m: float, spread_m: float = ALONG_M) -> FloatArray:
+    """Return the cost (N,) of gaps; shorter than preferred costs more than longer, less so for large gaps.
+
+    `spread_m`: standard deviation of longer gaps.
+    """
     close_m = max(_CLOSE_M, preferred_m * _CLOSE_SHARE)
-    return np.asarray(((gap_m - preferred_m) / np.where(gap_m < preferred_m, close_m, ALONG_M)) ** 2)
+    return np.asarray(((gap_m - preferred_m) / np.where(gap_m < preferred_m, close_m, spread_m)) ** 2)
 
 
 def propose_in_line(relation: str, query: Query, item: SceneObject, road: RoadMap) -> Proposal:

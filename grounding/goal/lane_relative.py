@@ -10,6 +10,7 @@ from grounding.goal.beside_vehicle import (
     IN_LINE_M,
     LATERAL_M,
     PARKING,
+    PASSING,
     SECOND,
     Proposal,
     gap_cost,
@@ -31,6 +32,8 @@ _MIDDLE_M = 1.5
 # Greatest lateral offset of a vehicle in the ego lane; costs of leaving it to drive past a vehicle, and of
 # parking in it.
 _IN_LANE_M, _LEAVE_LANE, _PARK_IN_LANE = 1.5, 12.0, 4.0
+# Once a vehicle is passed, a place farther on is about as good.
+_FURTHER_ON_M = 6.0
 
 
 def propose_on_our_way(relation: str, query: Query, item: SceneObject, road: RoadMap) -> Proposal:
@@ -61,7 +64,8 @@ def propose_on_our_way(relation: str, query: Query, item: SceneObject, road: Roa
         lanes = [("in line with it", lateral, 0.0), ("one lane beside it", next_lane, SECOND)]
     gap = sign * along - reference.half_extent_m(reference.travel_rad) - ego_half
     fits = (gap >= gaps.least_m) & (gap <= gaps.most_m)
-    along_cost = gap_cost(gap, gaps.preferred_m)
+    passes = query.action in PASSING and query.distance_m is None
+    along_cost = gap_cost(gap, gaps.preferred_m, _FURTHER_ON_M if passes else ALONG_M)
     found = []
     for where, off_m, extra in lanes:
         region = fits & (np.abs(off_m) <= IN_LINE_M)
