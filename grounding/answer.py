@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from appocc.errors import AppoccError
 from appocc.polylines import length_m
-from grounding.describe import candidate_to_dict, describe_object, describe_step, round_to_mm, target_to_dict
+from grounding.describe import candidate_to_dict, describe_candidate, describe_step, round_to_mm, target_to_dict
 from grounding.goal.planner import GoalPlan, Target
 from grounding.language import ParseProblem, Reading, underline
 from grounding.query import Query
@@ -176,7 +176,7 @@ class Answer:
         others = [(n, one) for n, one in enumerate(self.candidates, start=1) if one is not self.referent]
         title = "others:" if self.referent else "which?" if self.status == "ambiguous" else "nearest to it:"
         lines += [title] if others else []
-        lines += [f"  {number}. {describe_object(one.item, self.scene)}" for number, one in others]
+        lines += [f"  {number}. {describe_candidate(one, self.scene)}" for number, one in others]
         return "\n".join([*lines, *([self.question] if self.question else [])])
 
 

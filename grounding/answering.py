@@ -390,4 +390,7 @@ def _explain_referent(reading: Reading, candidate: Candidate | None, scene: Scen
     """Return the sentence that names the referent."""
     if candidate is None or reading.query.referent is None:
         return ()
-    return (f"'{reading.query.referent.phrase()}' is the {describe_object(candidate.item, scene)}",)
+    told = f"'{reading.query.referent.phrase()}' is the {describe_object(candidate.item, scene)}"
+    if candidate.partner is None:
+        return (told,)
+    return told, f"the other one is the {describe_object(candidate.partner, scene)}"

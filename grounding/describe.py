@@ -13,6 +13,7 @@ from grounding.query import Query
 from grounding.referent.resolver import Candidate
 from grounding.referent.scene import SceneModel
 from grounding.scene_object import SceneObject
+from grounding.vocabulary import verb_of
 
 _AHEAD_M, _ASIDE_M = 3.0, 1.5
 
@@ -52,6 +53,12 @@ def describe_object(item: SceneObject, scene: SceneModel) -> str:
     return ", ".join(parts)
 
 
+def describe_candidate(candidate: Candidate, scene: SceneModel) -> str:
+    """Describe the vehicle of a candidate, or both of a pair."""
+    both = (candidate.item, candidate.partner)
+    return ", and the ".join(describe_object(item, scene) for item in both if item is not None)
+
+
 def describe_step(query: Query, referent: Candidate | None, scene: SceneModel) -> str:
     """Describe a step by action, relation, vehicle and side: "park behind the red car 12 m away, ahead right"."""
     relation = "" if query.relation == "none" else query.relation
@@ -59,8 +66,8 @@ def describe_step(query: Query, referent: Candidate | None, scene: SceneModel) -
     side = f"on the {query.goal_side}" if query.goal_side else sides.get(query.road_side or "", query.direction or "")
     named = "" if query.referent is None else f"the {query.referent.phrase()}"
     if referent is not None:
-        named = f"the {describe_object(referent.item, scene)}"
-    words = (query.action or "drive", relation, named, side)
+        named = f"the {describe_candidate(referent, scene)}"
+    words = (verb_of(query.action, query.relation), relation, named, side)
     return " ".join(word.replace("_", " ") for word in words if word)
 
 

@@ -99,3 +99,10 @@ COLOURS: dict[str, str] = {
     **{"copper": "brown", "chocolate": "brown", "charcoal": "grey", "cream": "beige", "champagne": "beige"},
     **{"ivory": "white", "teal": "turquoise", "cyan": "turquoise", "lilac": "violet", "indigo": "violet"},
 }
+
+
+def verb_of(action: str | None, relation: str) -> str:
+    """Return the verb of an action in a phrase with a relation: "approach the van", but "go behind the van"."""
+    if action == "approach" and relation != "none":
+        return "go"
+    return "drive" if action in (None, "other") else action

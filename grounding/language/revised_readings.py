@@ -13,7 +13,7 @@ from grounding.language.reading import Reading
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import POLARITY, WordCategory
 from grounding.query import Exclusion, Query, Referent
-from grounding.vocabulary import REFUSED
+from grounding.vocabulary import REFUSED, verb_of
 
 # Least probability of a reading that is acted upon unasked: a wrong goal costs as much as two needless questions.
 _SURE = 0.5
@@ -198,7 +198,7 @@ def _phrase(query: Query) -> str:
     """Return a query in short words: "park behind the red van"."""
     if query.action == "other" and query.road_side is None:
         return "carry on as before"
-    action = (query.action or "").replace("_", " ")
+    action = verb_of(query.action, query.relation).replace("_", " ")
     told = query.relation == "none" or action.endswith(query.relation)  # "drive past"
     relation = "" if told else query.relation.replace("_", " ")
     vehicle = f"the {query.referent.phrase()}" if query.referent else ""

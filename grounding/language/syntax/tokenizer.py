@@ -135,7 +135,7 @@ def _match_phrases(
 def _without_intensifier(words: tuple[str, ...], start: int, lexicon: Lexicon) -> tuple[int, LexicalEntry] | None:
     """Return the match of a verb without its last word, if that belongs to what follows: "go right behind the van".
 
-    None for a verb that turns without that word, too, and before places at which we can turn: "go right after the van".
+    None for a verb that turns without that word, too, and before places at which we can turn: "go right after it".
     """
     longest = lexicon.longest_match(words, start)
     if longest is None or longest[1].category is not WordCategory.VERB or words[longest[0] - 1] != _INTENSIFIER:
