@@ -35,12 +35,13 @@ _VERBS = {
 }
 # Actions of a verb that names none of its own: "go in front of it" keeps the action before.
 _LIGHT_ACTIONS = ("other", "approach", "drive_past")
-# "with people standing by it", and relations that are others from the neighbour's side.
+# "with people standing by it", "it has a van in front", and relations that are others from the neighbour's side.
 _NEIGHBOUR = re.compile(
-    r"\b(?:with|that has|that's got|which has|who has|having) (?P<neighbour>.+?)"
+    r"(?:\bwith|\bthat has|\bthat's got|\bwhich has|\bwho has|\bhaving|\b(?<=one )have"
+    r"|^(?:it|he|she) has|^(?:(?:it|he|she)'s )?got|^there's|^there is) (?P<neighbour>.+?)"
     r"(?: (?:standing|parked|sitting|waiting|right|just))*"
-    r" (?P<relation>next to|beside|by|near|close to|behind|in front of|ahead of|left of|right of|opposite)"
-    r" (?:it|him|her|them)\b"
+    r" (?:(?P<relation>next to|beside|by|near|close to|behind|in front of|ahead of|left of|right of|opposite)"
+    r" (?:it|him|her|them)\b|(?P<alone>behind|in front|ahead|close by|nearby)$)"
 )
 # "The one closer to the bus", "nearer the bus".
 _NEARER = re.compile(r"\b(?:closer|closest|nearer|nearest) (?:to )?(?=(?:the|that|this|my|your|our) (?!left|right))")
@@ -55,6 +56,8 @@ _TURNED = {
     "left of": "right of",
     "right of": "left of",
 }
+# Relations of a neighbour whose other end is left out: "with a van in front".
+_WHOLE = {"in front": "in front of", "ahead": "ahead of", "close by": "near", "nearby": "near"}
 _PLACE_ACTIONS = ("park", "stop", "pull_over", "wait")
 # Most ways to divide a fragment into a vehicle and a place that are tried.
 _MOST_CUTS = 12
@@ -255,10 +258,11 @@ def turn_neighbours(text: str) -> str:
     """Return a description with the relation that it has to its neighbour: "with a bus behind it" is before a bus."""
     text = _NEARER.sub("near ", text)
     found = _NEIGHBOUR.search(text)
-    if found is None:
-        return text
-    relation = _TURNED.get(found["relation"], found["relation"])
-    return f"{text[: found.start()]} {relation} {found['neighbour']}{text[found.end() :]}".strip()
+    if found is None or (found["alone"] and text.startswith("there")):
+        return text  # "there's a bike ahead": of us
+    relation = found["relation"] or _WHOLE.get(found["alone"], found["alone"])
+    described = text[: found.start()].strip() or "the one"
+    return f"{described} {_TURNED.get(relation, relation)} {found['neighbour']}{text[found.end() :]}".strip()
 
 
 def _begins_with_event(reading: Reading) -> bool:

@@ -23,7 +23,7 @@ SHIFTS: tuple[ShiftDirection, ...] = get_args(ShiftDirection)
 # candidates.
 _COMPARATIVES = ("nearest", "farthest", "largest", "smallest")
 _PLAN_KINDS = (
-    *("dropping", "rejecting", "dropped", "rest", "stop", "step", "being", "swapping", "both", "visiting"),
+    *("dropping", "rejecting", "dropped", "keeping", "rest", "stop", "step", "being", "swapping", "both", "visiting"),
     *("untilword", "telling", "awaited", "till", "supposed", "passed", "return", "beforehand", "beforethat"),
 )
 _WORD_KINDS = ("skip", "tail", *_COMPARATIVES, *_PLAN_KINDS)

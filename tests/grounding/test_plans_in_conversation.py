@@ -55,6 +55,22 @@ def test_a_further_stop_needs_no_number_of_stops(turn: str) -> None:
     assert steps_of(talk("stop behind the blue car", turn)[1]) == ["stop b", "stop t"]
 
 
+@pytest.mark.parametrize(
+    ("turn", "left"),
+    [
+        ("just the truck", ["stop t"]),
+        ("only the blue car, please", ["stop b"]),
+        ("no truck today, it's only the blue one", ["stop b"]),
+        ("she can't make it, so just the red truck", ["stop t"]),
+        ("keep only the white car", ["stop w"]),
+        ("leave the others. Just do the truck.", ["stop t"]),
+        ("just the black car", ["stop w", "stop b", "stop o"]),
+    ],
+)
+def test_only_one_of_the_stops(turn: str, left: list[str]) -> None:
+    assert steps_of(talk(*THREE, turn)[1])[-len(left) :] == left
+
+
 def test_a_stop_that_is_not_there_leaves_those_before_it() -> None:
     session, answer = talk("two stops. the first one is by the white car", "second stop behind the green bus")
     assert answer.status == "not_found"

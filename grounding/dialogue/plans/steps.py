@@ -14,6 +14,8 @@ from grounding.dialogue.telling.reports import cancel, inform
 from grounding.language import WordCategory
 from grounding.language.replies import named_distance, words_after_opening, words_end
 from grounding.language.syntax.lexicon import default_lexicon
+from grounding.language.syntax.phrase_patterns import WORD
+from grounding.language.syntax.tokenizer import normalise
 from grounding.query import Query, Referent
 from grounding.referent.resolver import find_all
 from grounding.requests import STOPS, Request, after_turns, requests_of
@@ -38,7 +40,9 @@ def edit_steps(talk: Conversation, text: str) -> Answer | None:
         return answer
     if not talk.state.steps:
         return None
-    edited = _drop(talk, text, words) or _swap(talk, text, words) or _move(talk, text, words)
+    edited = (
+        _keep_only(talk, text) or _drop(talk, text, words) or _swap(talk, text, words) or _move(talk, text, words)
+    )
     return edited or _change_back(talk, text, words)
 
 
@@ -169,6 +173,23 @@ def _keeps(talk: Conversation, left: Sequence[Request], tail: Words) -> bool:
     reading = talk.read(" ".join(after))
     names = any(token.category in (WordCategory.NOUN, WordCategory.COLOUR) for token in reading.tokens)
     return not names and reading.query.action is None
+
+
+def _keep_only(talk: Conversation, text: str) -> Answer | None:
+    """Drop all steps but those that the last clause names: "no van today. Only the truck"; None for other turns."""
+    steps, words = after_turns(talk.state.steps), tuple(WORD.findall(normalise(text)))
+    begins = [0, *(i + 1 for i, word in enumerate(words) if word in (*_JOINING, "so"))]
+    start = next((i for i in reversed(begins) if words_end("keeping", words, i) > i), None)
+    if start is None or len(_counted(steps, only_stops=False)) < 2:
+        return None
+    before = talk.read(" ".join(words[:start])) if start else None
+    if before is not None and not before.problem and names_place(before.query):
+        return None  # "park behind the van, just the small one"
+    kept = " ".join(words[words_end("keeping", words, start) :])
+    found = _named(talk, steps, words_after_opening(kept, talk.grounder.lexicon))
+    if not found or len(found) == len(steps):
+        return None
+    return talk.take_steps(text, tuple(steps[i] for i in found))
 
 
 def _swap(talk: Conversation, text: str, words: Words) -> Answer | None:

@@ -211,3 +211,42 @@ def test_an_action_that_needs_a_vehicle_is_about_the_one_spoken_of() -> None:
     assert answer.status == "ok", answer.text()
     assert answer.referent is not None
     assert (answer.referent.item.id, answer.query.action) == ("near", "drive_past")
+
+
+@pytest.mark.parametrize(
+    "turn",
+    [
+        *("clear the goal", "you can forget the plan", "please withdraw the target", "call it off", "oh, I give up"),
+        *("delete that destination", "bin the whole thing", "call the whole thing off"),
+    ],
+)
+def test_a_goal_is_dropped_in_other_words(turn: str) -> None:
+    session = row()
+    assert session.say(turn).status == "ok"
+    assert session.goal is None
+
+
+@pytest.mark.parametrize(
+    "turn",
+    ["print current goal", "confirm the target", "describe the plan in your own words", "which car have you chosen?"],
+)
+def test_the_goal_is_told_in_other_words(turn: str) -> None:
+    session = row()
+    assert "park behind the red car" in " ".join(session.say(turn).reasons)
+    assert session.goal is not None
+
+
+@pytest.mark.parametrize(
+    "turn",
+    [
+        *("it's got a red car in front of it", "the one with a red car in front", "it has a red car ahead of it"),
+        *("there's a red car in front of it", "the one which has a red car next to it"),
+    ],
+)
+def test_a_candidate_is_told_by_its_neighbour(turn: str) -> None:
+    street = Street().car("right", 14, -5, WHITE).car("left", 15, 5, WHITE, yaw_rad=np.pi).car("red", 21, -5, RED)
+    session = street.grounder().session()
+    assert session.say("stop next to the white car").status == "ambiguous"
+    answer = session.say(turn)
+    assert answer.referent is not None
+    assert answer.referent.item.id == "right"
