@@ -4,10 +4,10 @@
                                                    [--cases 300] [--seed 0]
 
 The cases are those of `benchmarks.grounding_cases`, the ambiguous and absent ones included: an `ok` answer to one of
-them is wrong. Answers that are asked about because of a low confidence are taken as if they were acted on. The weights
-are fitted on the `ok` answers of ROOT by maximum likelihood with a mild prior towards zero. The reliability table is
-that of the `ok` answers on the other dataset, which the fit has not seen; without --check it is that of the answers
-that were fitted.
+them is wrong. Answers that are asked about because of a low confidence are taken as if they were acted on. The
+weights are fitted on the `ok` answers of ROOT by maximum likelihood with a mild prior towards zero. The reliability
+table is that of the `ok` answers on the other dataset, which the fit has not seen; without --check it is that of the
+answers that were fitted.
 """
 
 from __future__ import annotations
