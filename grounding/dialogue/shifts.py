@@ -69,8 +69,11 @@ def shift_from_named(talk: Conversation, text: str, reply: Reply) -> Answer | No
     distance_m = reply.distance_m or BIT_M
     reading = read_description(named, talk.antecedent, talk.readings)
     found = resolve(widen(reading, talk.scene).query, talk.scene) if reading else None
-    if found is not None and found.status == "ok":
-        return shift_last(talk, text, Shift(direction, distance_m, found.candidates[0].item.id))
+    vehicle = talk.in_focus(reading.query) if reading else None
+    if vehicle is None and found is not None and found.status == "ok":
+        vehicle = found.candidates[0]
+    if vehicle is not None:
+        return shift_last(talk, text, Shift(direction, distance_m, vehicle.item.id))
     if direction not in ("near", "away"):
         return None
     said = talk.readings(f"stop at {named}", talk.antecedent)[0].query

@@ -308,9 +308,11 @@ def _put_before(talk: Conversation, text: str, words: Words) -> Answer | None:
     ends = (i for i in range(1, len(words)) if words_end("beforehand", words, i) == len(words))
     end = next((i for i in ends if words[i - 1] not in _ARTICLES), len(words))  # but not "stop at the first"
     stop = words[start:end]
+    if stop == words:
+        return None  # "but stop before the van" is another place, and none on the way
     while stop and stop[0] in _JOINING:
         stop = stop[1:]
-    requests = _stop_on_the_way(talk, text, stop) if stop and stop != words else None
+    requests = _stop_on_the_way(talk, text, stop) if stop else None
     if requests is None:
         return None
     *earlier, last = talk.state.steps

@@ -256,3 +256,34 @@ def test_a_side_and_a_distance_are_a_new_place(turn: str, side: str, metres: flo
 )
 def test_it_is_the_vehicle_of_a_remark(remark: str) -> None:
     assert vehicle(say(street().grounder().session(), "go straight", remark, "stop next to it")) == "blue"
+
+
+# Corrections that begin with "but"
+
+
+@pytest.mark.parametrize(
+    ("turn", "named"),
+    [
+        ("but stop before the blue car", "blue"),
+        ("but park behind the blue car please", "blue"),
+        ("but I get out at the blue car, so stop just after it", "blue"),
+    ],
+)
+def test_but_and_a_command_is_another_place_and_no_stop_on_the_way(turn: str, named: str) -> None:
+    answer = say(street().grounder().session(), "stop behind the red car", turn)
+    assert (vehicle(answer), len(answer.steps)) == (named, 1)
+
+
+def test_but_first_is_a_stop_on_the_way() -> None:
+    answer = say(street().grounder().session(), "stop behind the blue car", "but first drop me at the red car")
+    assert plan(answer) == ["stop", "stop"]
+
+
+@pytest.mark.parametrize(
+    ("turn", "nearer"), [("but closer to the blue car", 1.0), ("a bit closer to the red one", -1.0)]
+)
+def test_a_place_between_two_moves_towards_the_one_that_is_named(turn: str, nearer: float) -> None:
+    scene = Street().car("red", 15, -5, RED).car("blue", 35, -5, BLUE)
+    session = scene.grounder().session()
+    before = say(session, "stop between the red car and the blue car")
+    assert nearer * (ahead_m(say(session, turn)) - ahead_m(before)) > 0.5
