@@ -42,6 +42,7 @@ from grounding.dialogue.fragments import (
 )
 from grounding.dialogue.memory import Memory
 from grounding.dialogue.merging import merge_request, names_place
+from grounding.dialogue.plans.waits import stands
 from grounding.dialogue.shifts import (
     BIT_M,
     change_distance,
@@ -133,7 +134,7 @@ def answer_sentence(talk: Conversation, text: str) -> Answer:
         return told
     talk.state = before
     reply = read_reply(text, talk.grounder.lexicon)
-    ends = _stands(before) or (before.goal is not None and "cancel" in reply.kinds)
+    ends = stands(before) or (before.goal is not None and "cancel" in reply.kinds)
     if ends and talk.read(text).query.manoeuvre == "onward":
         return answer_command(talk, text, text)  # "carry on" ends a wait, "never mind, keep driving" any plan
     guess = read_turn(talk, text, reply)
@@ -163,15 +164,6 @@ def answer_sentence(talk: Conversation, text: str) -> Answer:
         if state_of(talk) == "goal" and not guess.is_likely_command:
             return keep(talk, text)
     return answer
-
-
-def _stands(state: Memory) -> bool:
-    """Return whether the plan in force is a wait, or a stop at no place that is named: "stop for a moment"."""
-    if state.goal is None or state.question is not None:
-        return False
-    query = state.plan[-1].query if len(state.plan) == 1 else None
-    anywhere = query is not None and query.action in ("stop", "pull_over") and not names_place(query)
-    return state.goal.pace == "standing" or anywhere
 
 
 def _insists(answer: Answer, before: Memory, after: Memory) -> bool:

@@ -225,3 +225,28 @@ def test_the_place_of_the_goal_and_what_follows_it() -> None:
     session, answer = talk("stop behind the blue car", "drop me there and then go home")
     assert answer.status == "not_found"
     assert steps_of(session.goal) == ["stop b"]
+
+
+# The plan begins
+
+
+@pytest.mark.parametrize("go", ["okay go", "ok, off you go", "right, let's go", "go ahead", "great, away you go then"])
+def test_a_plan_begins_with_what_it_waits_for(go: str) -> None:
+    assert steps_of(talk("let the black car pass, then stop behind the blue car", go)[1]) == ["give_way o", "stop b"]
+
+
+@pytest.mark.parametrize("go", ["okay go", "off you go", "lovely, let's go", "as you were"])
+def test_to_begin_a_plan_changes_no_place(go: str) -> None:
+    session, before = talk("stop behind the blue car")
+    answer = session.say(go)
+    assert steps_of(answer) == ["stop b"]
+    assert answer.target == before.target
+
+
+@pytest.mark.parametrize("go", ["yes, carry on", "ok go on"])
+def test_a_wait_of_the_same_command_stays(go: str) -> None:
+    assert steps_of(talk("wait for the black car, then stop behind the blue car", go)[1]) == ["wait o", "stop b"]
+
+
+def test_a_wait_until_we_are_told_ends() -> None:
+    assert steps_of(talk("wait until I say so, then stop behind the blue car", "okay, off you go")[1]) == ["stop b"]

@@ -6,9 +6,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from grounding.answer import Answer
+from grounding.dialogue.choices import confirm
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import has_verb, is_understood, refers_to_place
+from grounding.dialogue.memory import Memory
+from grounding.dialogue.merging import names_place
 from grounding.dialogue.plans.steps import HOLDING, Words
 from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.telling.reports import aside, notice
@@ -27,6 +32,8 @@ _PASSED = ("has", "passed")
 _OURSELVES = ("i", "we", "you", "us", "me")
 # What is not to be passed, by its relation in the exclusion of a command: "don't go past it", "don't cross it".
 _NOT_PASSED = ("past", None)
+# We are at a place that is nearer than this.
+_ARRIVED_M = 3.0
 
 
 @dataclass(frozen=True)
@@ -66,7 +73,11 @@ def _answer_wait(talk: Conversation, text: str, last: str) -> Answer | None:
         return _keep(talk, text, "that cannot be done: an answer is given when something is said, and not later")
     if not steps:
         return None
-    if answer := _go_on(talk, last) or _hold(talk, text, words_after_opening(last, lexicon, tail=True)):
+    if (
+        answer := _start(talk, text, words)
+        or _go_on(talk, last)
+        or _hold(talk, text, words_after_opening(last, lexicon, tail=True))
+    ):
         return answer
     awaited = None if _only_paces(steps) else _read_awaited(talk, words, text if text.strip() != last else "")
     if awaited is None:
@@ -95,6 +106,15 @@ def _keep(talk: Conversation, text: str, why: str) -> Answer:
     """Tell what cannot be done; the goal stays."""
     kept = ("the goal stays as it is",) if talk.state.goal is not None else ()
     return replace(aside(talk, text, why, *kept), status="not_a_command")
+
+
+def stands(state: Memory) -> bool:
+    """Return whether the plan in force is a wait, or a stop at no place that is named: "stop for a moment"."""
+    if state.goal is None or state.question is not None:
+        return False
+    query = state.plan[-1].query if len(state.plan) == 1 else None
+    anywhere = query is not None and query.action in ("stop", "pull_over") and not names_place(query)
+    return state.goal.pace == "standing" or anywhere
 
 
 def _only_paces(steps: Sequence[Request]) -> bool:
@@ -258,8 +278,31 @@ def _short_of(text: str, passed: Exclusion) -> Query:
     return replace(stop, landmark="referent", referent=named)
 
 
+def _start(talk: Conversation, text: str, words: Words) -> Answer | None:
+    """Start the plan in force, with what it waits for: "okay, go"; None without one, and where we only stand.
+
+    A wait until the passenger says so ends by it.
+    """
+    plan, goal = talk.state.plan, talk.state.goal
+    starts = bool(words) and words_end("starting", words, 0) == len(words)
+    if goal is None or talk.state.question is not None or not starts:
+        return None
+    if goal.target is not None and np.linalg.norm(goal.target.ego_m) < _ARRIVED_M:
+        return None  # from there we drive on
+    held = any(step.query.action in HOLDING and not _awaits_other(step) for step in plan)
+    return None if held or stands(talk.state) else confirm(talk, text)
+
+
+def _awaits_other(wait: Request) -> bool:
+    """Return whether a wait is for a vehicle or a person, and not until a time or a word of the passenger."""
+    return wait.query.referent is not None or wait.query.trigger is not None
+
+
 def _go_on(talk: Conversation, text: str) -> Answer | None:
-    """End the wait that is in force, and what comes before it: "ok, go on"; None without one."""
+    """End the wait that is in force, and what comes before it: "ok, go on"; None without one.
+
+    What is awaited by the command of what comes after it stays.
+    """
     plan = talk.state.plan
     waits = [i for i, step in enumerate(plan) if step.query.action in HOLDING]
     at = next((i for i in waits if i == 0 or plan[i].query.trigger is None), None)
@@ -268,4 +311,7 @@ def _go_on(talk: Conversation, text: str) -> Answer | None:
     query = talk.read(text).query
     if query.manoeuvre != "onward" or query.trigger is not None or not _agrees(query, plan):
         return None
+    together = plan[at].reading.query.command == plan[at + 1].reading.query.command
+    if together and _awaits_other(plan[at]):
+        return confirm(talk, text)  # "give way to the bus, then park": "yes, carry on"
     return talk.take_steps(text, plan[at + 1 :])
