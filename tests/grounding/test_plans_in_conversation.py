@@ -230,7 +230,7 @@ def test_the_place_of_the_goal_and_what_follows_it() -> None:
 # The plan begins
 
 
-@pytest.mark.parametrize("go", ["okay go", "ok, off you go", "right, let's go", "go ahead", "great, away you go then"])
+@pytest.mark.parametrize("go", ["okay go", "ok, off you go", "right, let's go", "go ahead", "great, away you go"])
 def test_a_plan_begins_with_what_it_waits_for(go: str) -> None:
     assert steps_of(talk("let the black car pass, then stop behind the blue car", go)[1]) == ["give_way o", "stop b"]
 
