@@ -62,7 +62,18 @@ class Request:
 
 def requests_of(reading: Reading) -> tuple[Request, ...]:
     """Return the steps of a reading in order."""
-    return join_drives(tuple(Request(reading=reading.with_query(step)) for step in reading.steps))
+    waits = (
+        _waiting_there(before, step) for before, step in zip([None, *reading.steps], reading.steps, strict=False)
+    )
+    return join_drives(tuple(Request(reading=reading.with_query(step)) for step in waits))
+
+
+def _waiting_there(before: Query | None, step: Query) -> Query:
+    """Return the wait after the stop at its landmark as one where we stand: who is awaited is no place."""
+    if before is None or step.action != "wait" or step.trigger is None:
+        return step
+    same = before.landmark == "secondary" and {*before.secondary} & {*step.secondary}
+    return replace(step, relation="none", landmark="referent" if step.referent else None) if same else step
 
 
 def join_drives(requests: Sequence[Request]) -> tuple[Request, ...]:

@@ -41,8 +41,11 @@ def evidence_of(reading: Reading) -> Evidence:
     words = [token for token in reading.tokens if token.category not in _MARKS]
     unknown = sum(token.category is WordCategory.UNKNOWN for token in words)
     contrary = any(map(_negates, words)) or any(map(_stops_doing, words, words[1:]))
-    others = tuple(one.referent for one in reading.steps if one.referent and not _is_main(one, reading.query))
-    return Evidence(len(reading.dropped), len(reading.corrections), doubtful, unknown, len(words), contrary, others)
+    beside = [one for one in reading.steps if one.referent and not _is_main(one, reading.query)]
+    others = tuple(one.referent for one in beside if one.referent)
+    places = tuple({"overtake": "past"}.get(one.action or "", one.relation) for one in beside)
+    dropped, corrected = len(reading.dropped), len(reading.corrections)
+    return Evidence(dropped, corrected, doubtful, unknown, len(words), contrary, others, places)
 
 
 def _negates(token: Token) -> bool:
@@ -151,10 +154,13 @@ def _on_named_side(query: Query, tokens: Sequence[Token]) -> Query:
 
 def _changed(reading: Reading, changes: dict[str, Any], revision: Revision) -> Reading:
     query = replace(reading.query, **changes)
+    whole = evidence_of(reading).whole
     steps = tuple(
         query if step == reading.query else replace(step, **changes) if _is_main(step, reading.query) else step
         for step in reading.steps
-        if _is_main(step, reading.query) or _is_commanded(step, reading.query, query)
+        if _is_main(step, reading.query)
+        or _is_commanded(step, reading.query, query)
+        or (whole and _is_about_another(step, query))
     )
     left = [i for i, step in enumerate(steps) if step.action in reading.query.actions]
     if len(steps) < len(reading.steps) and len(left) == 1:  # it takes over the place of the removed step
@@ -178,6 +184,11 @@ def _used_words(reading: Reading, changes: dict[str, Any]) -> set[str]:
 def _is_commanded(step: Query, before: Query, after: Query) -> bool:
     """Return whether a step is still one of a command's actions; one that only awaits an event never was."""
     return step.action not in before.actions or step.action in after.actions
+
+
+def _is_about_another(step: Query, query: Query) -> bool:
+    """Return whether a step is about another vehicle than a command, which would be lost with it."""
+    return step.referent is not None and query.referent is not None and step.referent.noun != query.referent.noun
 
 
 def _is_main(step: Query, query: Query) -> bool:

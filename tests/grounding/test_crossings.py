@@ -220,3 +220,39 @@ def test_a_side_is_not_lost(text: str, side: str) -> None:
 
 def test_of_several_vehicles_at_a_turn_any_will_do() -> None:
     assert parse("turn into the street on the right where the cars are parked").query.referent.definite is False  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "wait at the crossing until everybody is over",
+        "stop at the crossing till the people are across",
+        "wait before the crossing until the pedestrians are over the road",
+        "stop before the crossing until the people have crossed",
+    ],
+)
+def test_who_is_awaited_at_a_crossing_is_not_where_we_wait(text: str) -> None:
+    size = (0.6, 0.6, 1.7)
+    street = Street().car("p", 16, 3, None, size_wlh_m=size, category=PERSON)
+    street.car("q", 16, -3, None, size_wlh_m=size, category=PERSON)
+    answer = ask(text, ACROSS, street)
+    assert [step.query.action for step in answer.steps] == ["stop", "wait"]
+    assert answer.steps[1].query.trigger == "pass"
+    assert 10 < place(answer.steps[0])[0] + HALF_M < 14
+    assert answer.steps[1].pace == "standing", answer.text()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "drive up to the crossing and wait there",
+        "go to the junction ahead and wait there",
+        "go to the lights and wait",
+    ],
+)
+def test_a_landmark_to_wait_at_is_gone_to_or_told(text: str) -> None:
+    answer = ask(text, ACROSS)
+    if "lights" in text:
+        assert (answer.status, "no traffic light" in answer.text()) == ("not_found", True)
+    else:
+        assert (answer.status, [step.query.action for step in answer.steps]) == ("ok", ["approach", "wait"])

@@ -54,6 +54,7 @@ class Evidence(NamedTuple):
         words: all words.
         contrary: whether it negates, excepts or corrects something.
         others: vehicles of its other steps.
+        places: relations to these vehicles.
     """
 
     dropped: int = 0
@@ -63,6 +64,7 @@ class Evidence(NamedTuple):
     words: int = 0
     contrary: bool = False
     others: tuple[Referent, ...] = ()
+    places: tuple[str, ...] = ()
 
     @property
     def whole(self) -> bool:
@@ -187,7 +189,7 @@ def _by_network(query: Query, evidence: Evidence, prediction: Prediction) -> Que
     nameless = query.unresolved and not (prediction.head or evidence.dropped or evidence.unknown)
     if by_scene or nameless:
         values["noun"] = NONE
-    values = _without_others(query.referent, evidence.others, _in_words_of(query, values))
+    values = _without_others(query, evidence, _in_words_of(query, values))
     read = _with_values(query, values, prediction, evidence.others)
     if evidence.whole and query.referent is not None and read.referent is not None:  # it moves as is said
         qualifiers = read.referent.qualifiers
@@ -196,18 +198,21 @@ def _by_network(query: Query, evidence: Evidence, prediction: Prediction) -> Que
     return read
 
 
-def _without_others(own: Referent | None, others: tuple[Referent, ...], values: dict[str, str]) -> dict[str, str]:
-    """Return the values of the network, those of the vehicles of other steps as the grammar's.
+def _without_others(query: Query, evidence: Evidence, values: dict[str, str]) -> dict[str, str]:
+    """Return the values of the network, those of the vehicles and places of other steps as the grammar's.
 
     The network knows one vehicle of a sentence: "pass the red car and stop behind the truck".
     """
+    own = query.referent
     if own is None:
         return values
     mixed = {
         field: str(getattr(own, field) or NONE)
         for field in ("noun", "colour")
-        if values[field] != NONE and any(getattr(one, field) == values[field] for one in others)
+        if values[field] != NONE and any(getattr(one, field) == values[field] for one in evidence.others)
     }
+    if query.relation != NONE and values["relation"] in evidence.places:
+        mixed["relation"] = query.relation
     return {**values, **mixed}
 
 
@@ -218,6 +223,8 @@ def _in_words_of(query: Query, values: dict[str, str]) -> dict[str, str]:
         same["relation"] = query.relation  # "catch up with it": the place of a follower is behind it
     if values["relation"] == query.road_side == "opposite" and values["noun"] == NONE:
         same["relation"] = query.relation  # "on the other side of the road": the grammar has it as a side
+    if query.landmark == "secondary" and {values["relation"], query.relation} == {"toward", "at"}:
+        same["relation"] = query.relation  # up to a landmark is at it
     on_our_way = query.landmark == "secondary" and values["relation"] == query.relation and query.referent is None
     if on_our_way and query.relation in _ON_OUR_WAY and values["noun"] == "person":
         same |= {"noun": NONE, "colour": NONE}  # "someone's on the crossing, stop before it"

@@ -121,8 +121,8 @@ def _query(
     by_traffic = side in get_args(RoadSide)
     trigger = next((intent.frame.event for intent in by_priority if intent.frame.event), None)
     named = _referent(discourse, referent, frame, main.anaphora, relation) if referent is not None else None
-    if named is not None and referent is not None and referent.number == 0 and main.intent.action == "turn":
-        named = replace(named, definite=False)  # "the street where the cars are parked": at any of them
+    if named is not None and referent is not None and referent.number == 0 and _is_any(main, referent):
+        named = replace(named, definite=False)
     query = Query(
         command=text,
         action=cast(Action, main.intent.action),
@@ -145,6 +145,12 @@ def _query(
     )
     goes = frame.verb_class in _GOING and query == Query(text, action="other", actions=("other",))
     return replace(query, manoeuvre="onward") if goes else query  # "okay, go"
+
+
+def _is_any(main: MainIntent, referent: NounPhrase) -> bool:
+    """Return whether any of several will do: "until the people are over", "the street where the cars are parked"."""
+    awaited = main.intent.action in ("wait", "give_way") and referent.kind == "person"
+    return awaited or main.intent.action == "turn"
 
 
 def _manoeuvre(intents: Sequence[Intent]) -> str | None:

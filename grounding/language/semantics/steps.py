@@ -11,7 +11,7 @@ from grounding.language.semantics.discourse.command_frames import Discourse
 from grounding.language.semantics.discourse.coreference import resolve_anaphor
 from grounding.language.semantics.main_action import SIDE_CONNECTIVES, Intent, MainIntent
 from grounding.query import Direction, Query
-from grounding.vocabulary import LANDMARK_KINDS, Relation
+from grounding.vocabulary import LANDMARK_KINDS, RELATIONS, Relation
 
 # Actions that end where the ego stands, and actions that hold until their event.
 _STANDING = ("park", "stop", "pull_over")
@@ -105,7 +105,8 @@ def _same_vehicle(one: Query, other: Query) -> bool:
     """Return whether two steps are about the same vehicle, by their words."""
     if one.referent is None or other.referent is None:
         return False
-    return replace(one.referent, anaphora=other.referent.anaphora) == other.referent
+    like = other.referent
+    return replace(one.referent, anaphora=like.anaphora, definite=like.definite) == like
 
 
 def _drive_to_wait(step: Query) -> list[tuple[bool, Query]]:
@@ -150,5 +151,13 @@ def _await(
     )
     step = replace(step, trigger=None)
     if step.relation == "none" and _same_vehicle(step, held):
-        step = replace(step, referent=None, landmark=None)  # the vehicle is only awaited
+        step = _at_landmark(replace(step, referent=None, landmark=None))  # the vehicle is only awaited
+    if ends and step.action in _STANDING:
+        return [(is_main, step), (False, held)]  # "stop at the crossing until they are over"
     return [(False, held), (is_main, step)]
+
+
+def _at_landmark(step: Query) -> Query:
+    """Return a step without a vehicle with the relation to the landmark where it is done, if it names one."""
+    where = next((one for one in step.secondary if one.of == "goal" and one.relation in RELATIONS), None)
+    return step if where is None else replace(step, relation=cast(Relation, where.relation), landmark="secondary")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import takewhile
 
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import HEADS, WordCategory
@@ -47,6 +48,11 @@ _ENDS = HEADS | frozenset(
 _COMPOUNDS = ("car park", "truck stop", "bus stop")
 _NO_PLACES = ("with", "for")
 _MARKS = (WordCategory.COMMA, WordCategory.BREAK)
+_JOINTS = (*_MARKS, WordCategory.AND, WordCategory.THEN)
+# Categories of places at something, and relations that are none.
+_PLACES = (WordCategory.RELATION, WordCategory.BETWEEN)
+_AS_PLACES = ("after", "before")
+_WEAK = ("in", "into", "on", "along", "with", "for")
 # Categories of what a place may be at, and words that praise it.
 _TOPICS = (WordCategory.NOUN, WordCategory.MODEL, WordCategory.SPOT)
 _PRAISES = ("better", "best", "safer", "nicer", "easier", "good", "preferable")
@@ -68,6 +74,8 @@ def complete_fragment(tagged: Sequence[Token], verb: str = "") -> Sequence[Token
     if not words:
         return tagged
     first, *rest = words
+    if _passes_first(tagged):
+        return [_verb_before(first, "go"), *tagged]
     if verb:
         has_verb = any(token.category in _PREDICATES for token in words)
         return tagged if has_verb else [_verb_before(first, verb), *tagged]
@@ -91,7 +99,7 @@ def complete_fragment(tagged: Sequence[Token], verb: str = "") -> Sequence[Token
         return tagged
     begins = rest[0] if first.category is WordCategory.DISTANCE else first  # "two metres behind the bus"
     place = begins.category in (WordCategory.RELATION, WordCategory.BETWEEN) and begins.value not in _NO_PLACES
-    place = place or (first.category is WordCategory.SUB and first.value in ("after", "before"))
+    place = place or (first.category is WordCategory.SUB and first.value in _AS_PLACES)
     sided = first.category in (WordCategory.SIDE, WordCategory.WHERE)  # "left side, after the bus"
     place = place or (sided and any(token.category in (WordCategory.RELATION, WordCategory.SUB) for token in rest))
     return [_verb_before(first, "park"), *tagged] if place else tagged
@@ -136,6 +144,23 @@ def drop_opinion(tagged: Sequence[Token]) -> Iterator[list[Token]]:
 
 def _end_before(token: Token) -> Token:
     return replace(token.with_category(WordCategory.BREAK), text=".", written="", end=token.start)
+
+
+def _passes_first(tagged: Sequence[Token]) -> bool:
+    """Return whether a command begins past something and then names a place: "past the van and stop by the bus"."""
+    begins = tagged[0].category is WordCategory.RELATION and tagged[0].value == "past"
+    verb = next((i for i, token in enumerate(tagged) if token.category in _PREDICATES), 0)
+    joined = verb > 1 and tagged[verb].category is WordCategory.VERB and tagged[verb - 1].category in _JOINTS
+    clause = takewhile(lambda token: token.category not in _JOINTS, tagged[verb + 1 :])
+    placed = any(_is_place(token) for token in clause)
+    return begins and joined and placed and any(one.category in HEADS for one in tagged[1:verb])
+
+
+def _is_place(token: Token) -> bool:
+    """Return whether a word places something: "behind", "between", "before"."""
+    if token.category is WordCategory.SUB:
+        return token.value in _AS_PLACES
+    return token.category in _PLACES and token.value not in _WEAK
 
 
 def _names_branch(words: Sequence[Token]) -> bool:

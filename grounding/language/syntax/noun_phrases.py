@@ -41,7 +41,7 @@ _PHRASE = re.compile(r"d+[mukn]+h*|d+h+|[mkn]*[hk]+|m+|n+|p|e|(?<=r)u+")
 # What a person wears: "the woman in blue", "the girl with the yellow coat".
 _WORN = re.compile(r"r(?:m(?![mukhn])|[dmun]*m[mun]*h)")
 _INDEFINITE_PRONOUNS = ("everyone", "everybody", "someone", "somebody", "anyone", "anybody", "people")
-_PLURALS = ("people", "folks", "police", "cattle")
+_PLURALS = ("people", "folks", "police", "cattle", "everyone", "everybody")
 _EXTRA = (WordCategory.EXTRA, WordCategory.UNKNOWN, WordCategory.POSSESSIVE, WordCategory.MAKE)
 _QUALIFIERS = (WordCategory.ORDINAL, WordCategory.SUPERLATIVE, WordCategory.STATE, WordCategory.SIZE)
 # Kinds of noun phrases for vehicles and for places.

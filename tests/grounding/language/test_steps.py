@@ -71,3 +71,34 @@ def test_a_negated_turn_is_no_turn_after_an_event() -> None:
     until = "don't turn left until the bus has passed"
     assert parse(until, revised=False).query.action == "turn"
     assert parse(until).doubt or parse(until).query.action == "turn"
+
+
+@pytest.mark.parametrize(
+    ("text", "first", "then"),
+    [
+        ("past the blue van and stop before the truck", "van", ("stop", "before", "truck")),
+        ("past the bus, then park behind the red car", "bus", ("park", "behind", "car")),
+        ("beyond the truck and park in front of the red car", "truck", ("park", "in_front_of", "car")),
+        ("pass the white van and stop before the bus", "van", ("stop", "before", "bus")),
+    ],
+)
+def test_past_one_vehicle_and_then_at_another_are_two_steps(
+    text: str, first: str, then: tuple[str, str, str]
+) -> None:
+    reading = parse(text)
+    passing, placed = reading.steps
+    assert passing.action in ("drive_past", "overtake")
+    assert passing.referent is not None
+    assert passing.referent.noun == first
+    assert placed.referent is not None
+    assert (placed.action, placed.relation, placed.referent.noun) == then
+
+
+@pytest.mark.parametrize("text", ["past the bus and turn left", "past the van, park on the left"])
+def test_past_a_vehicle_without_another_place_is_one_step(text: str) -> None:
+    assert [(step.relation, len(parse(text).steps)) for step in parse(text).steps] == [("past", 1)]
+
+
+def test_a_stop_until_an_event_comes_before_the_wait() -> None:
+    steps = parse("pull over until the fire engine has passed").steps
+    assert [(step.action, step.trigger) for step in steps] == [("pull_over", None), ("wait", "pass")]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import DETERMINERS, HEADS, MODIFIERS, WordCategory
@@ -36,3 +37,22 @@ def is_adjective(before: Sequence[Token], verb: Token, after: Sequence[Token]) -
         WordCategory.RELATION,
         WordCategory.THAT,
     }
+
+
+def ends_waiting(before: Sequence[Token], after: Sequence[Token]) -> bool:
+    """Return whether a place between tokens is that of somebody after an awaited event: "until they are | over"."""
+    last = next((token for token in after if token.category not in DETERMINERS), None)
+    ends = CLAUSE_ENDS | {WordCategory.COMMA, WordCategory.AND, WordCategory.REGION, WordCategory.THING}
+    conjunctions = [token for token in before if token.category is WordCategory.SUB]
+    return (
+        category_at(before, -1) is WordCategory.BE
+        and bool(conjunctions)
+        and conjunctions[-1].value in ("until", "when")
+        and (last is None or last.category in ends)
+        and category_at(before, -2) in HEADS | {WordCategory.PRONOUN, WordCategory.BE}
+    )
+
+
+def as_passing(token: Token) -> Token:
+    """Return a word as a verb that tells that somebody has passed."""
+    return replace(token, category=WordCategory.VERB, value="none", form="past", state="", event="pass")

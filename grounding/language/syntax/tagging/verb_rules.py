@@ -11,7 +11,9 @@ from grounding.language.syntax.tagging.context import (
     PHRASE_STARTS,
     PHRASE_WORDS,
     TURNS,
+    as_passing,
     category_at,
+    ends_waiting,
     is_adjective,
 )
 from grounding.language.syntax.tokenizer import Token
@@ -65,6 +67,8 @@ _AFTER_PARKING = (
     WordCategory.SUB,
 )
 
+# Relations of somebody who has passed: "until it is past", "until they are over".
+_PASSED = ("past", "along", "opposite")
 # Verbs that turn round, but before a distance drive backwards.
 _GO_BACK = ("go back", "head back", "drive back")
 
@@ -213,7 +217,9 @@ def tag_thing(before: Sequence[Token], token: Token, after: Sequence[Token]) -> 
 
 
 def tag_relation(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
-    """Tag the verb in "I like that car", and our own rear in "coming from behind"."""
+    """Tag the verb in "I like that car", our own rear in "coming from behind", the event in "until they are over"."""
+    if token.value in _PASSED and ends_waiting(before, after):
+        return as_passing(token)
     origin = token.text == "behind" and bool(before) and before[-1].text.split()[-1] == "from"
     if origin and category_at(after, 0) not in PHRASE_STARTS | {WordCategory.PRONOUN}:
         return token.with_category(WordCategory.WHERE, "behind_ego")

@@ -9,8 +9,10 @@ from grounding.language.syntax.tagging.context import (
     PHRASE_STARTS,
     PHRASE_WORDS,
     TURNS,
+    as_passing,
     category_at,
     clause_start,
+    ends_waiting,
     is_adjective,
 )
 from grounding.language.syntax.tokenizer import Token
@@ -132,7 +134,9 @@ def tag_direction(before: Sequence[Token], token: Token, after: Sequence[Token])
 
 
 def tag_side(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
-    """Tag a side as a state of the vehicle in "the left car"."""
+    """Tag a side as a state of the vehicle in "the left car", as an event in "until they are over the road"."""
+    if token.value == "opposite_side" and ends_waiting(before, after):
+        return as_passing(token)
     following = [other for other in after if other.category not in MODIFIERS][:1]
     inside = token.text.split()[0] in ("the", "our", "my") and category_at(following, 0) in HEADS
     return token.with_category(WordCategory.STATE, token.value) if inside else token
