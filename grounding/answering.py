@@ -11,6 +11,7 @@ from typing import TypeVar
 
 from appocc.errors import AppoccError
 from grounding.answer import Answer
+from grounding.cases import choose_case
 from grounding.confidence import confidence_of, gather_evidence, is_worth_acting
 from grounding.describe import describe_object, describe_step, with_article
 from grounding.goal.at_landmark import landmark_of
@@ -52,7 +53,9 @@ def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDA
     for a command with a fallback, the fallback is answered.
     """
     if (fallback := reading.otherwise) is not None:
-        wished = answer_reading(replace(reading, otherwise=None), scene, limit)
+        wished = answer_reading(replace(reading, otherwise=None, condition=""), scene, limit)
+        if reading.condition:
+            return choose_case(wished, answer_reading(fallback, scene, limit), reading.condition, reading.motion)
         return _choose_place(wished, answer_reading(fallback, scene, limit), reading.prefers_nearer)
     requests = requests_of(reading)
     primary = next((i for i, one in enumerate(requests) if one.query == reading.query), len(requests) - 1)

@@ -62,7 +62,7 @@ def answer_command(
     readings = tuple(keep_action(said(one, text), base.query if base else None) for one in readings)
     readings = tuple(each_step(widen(one, talk.scene), lambda step: _about_focus(talk, step)) for one in readings)
     first = readings[0]
-    if names_pronoun(first):
+    if names_pronoun(first) and not first.condition:
         if state.question is not None and len(state.question.candidates) > 1 and not agreed:
             return ask_again(talk, text)
         pronouns = (WordCategory.PRONOUN, WordCategory.POSSESSIVE)  # "go to her"

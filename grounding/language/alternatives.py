@@ -22,7 +22,7 @@ _MARKS = (",", ".", ";", "!", "?")
 _JOINING = frozenset((*_MARKS, "and", "or", "but", "then", "so", "either", "please", "just"))
 _PLACES = (WordCategory.RELATION, WordCategory.HERE, WordCategory.BETWEEN, WordCategory.SIDE)
 # Most words that may join alternatives: halves are read again in halves, and so the time doubles with each.
-_MAX_JOINTS = 3
+MAX_JOINTS = 3
 # Categories after which "or" does not tell a fallback.
 _UNSPLIT = POLARITY | {WordCategory.SUB}
 
@@ -44,7 +44,7 @@ class Alternatives(NamedTuple):
 
 
 @dataclass(frozen=True)
-class _Words:
+class Words:
     """The words of a normalised text, without apostrophes, and where they are in it."""
 
     text: str
@@ -52,7 +52,8 @@ class _Words:
     spans: tuple[tuple[int, int], ...]
 
     @classmethod
-    def of(cls, text: str) -> _Words:
+    def of(cls, text: str) -> Words:
+        """Return the words of a normalised text."""
         found = list(WORD.finditer(text))
         return cls(text, tuple(one.group().replace("'", "") for one in found), tuple(one.span() for one in found))
 
@@ -71,6 +72,17 @@ class _Words:
             start = self.end_of("lead", start) or start + 1
         praise = (k for k in range(start, len(self.words)) if self.end_of("praise", k) == len(self.words))
         return self.part(start, next(praise, None))
+
+    def clause_end(self, tokens: Sequence[Token], start: int) -> int:
+        """Return the end of a clause that begins at a word: at a mark, or where a command begins."""
+        marked = next((k for k in range(start, len(self.words)) if self.words[k] in _MARKS), len(self.words))
+        return min(marked, _main_clause(self, tokens, start + 1))
+
+    def is_case(self, begin: int, end: int) -> bool:
+        """Return whether what follows a clause is for the case that it tells: "but if X, Y", "X, in which case Y"."""
+        after = next((k for k in range(end, len(self.words)) if self.words[k] not in _MARKS), len(self.words))
+        contrasts = begin > 0 and self.words[begin - 1] in (*_MARKS, "but", "and")
+        return bool(self.end_of("case", after)) or (contrasts and self.words[begin] != "unless")
 
     def count_joints(self) -> int:
         """Return the number of words that may join two halves."""
@@ -91,8 +103,8 @@ def split_alternatives(text: str, tokens: Sequence[Token]) -> Iterator[Alternati
         text: the normalised text; a text with many alternatives is not split.
         tokens: its tagged tokens.
     """
-    words = _Words.of(text)
-    if words.count_joints() > _MAX_JOINTS:
+    words = Words.of(text)
+    if words.count_joints() > MAX_JOINTS:
         return
     # "If it moves, follow it, otherwise go past": what is the case there decides, not whether there is a place.
     states = words.end_of("if", 0) and not any(token.category is WordCategory.SPOT for token in tokens)
@@ -109,12 +121,12 @@ def split_alternatives(text: str, tokens: Sequence[Token]) -> Iterator[Alternati
 def lone_fallback(text: str, lexicon: Lexicon | None = None) -> str:
     """Return the fallback that a text tells without its wish, '' for none: "if there's no room, park here"."""
     normalised = normalise(text[:MAX_CHARACTERS])
-    words, tokens = _Words.of(normalised), tag(tokenise(normalised, lexicon))
+    words, tokens = Words.of(normalised), tag(tokenise(normalised, lexicon))
     found = (*_at_otherwise(words), *_at_condition(words, tokens))
     return next((fallback for wish, fallback in found if fallback and not wish), "")
 
 
-def _at_otherwise(words: _Words) -> Iterator[tuple[str, str]]:
+def _at_otherwise(words: Words) -> Iterator[tuple[str, str]]:
     for i, _ in enumerate(words.words):
         end = words.end_of("otherwise", i)
         if not end and (alone := words.end_of("between", i)):
@@ -125,7 +137,7 @@ def _at_otherwise(words: _Words) -> Iterator[tuple[str, str]]:
             return
 
 
-def _at_condition(words: _Words, tokens: Sequence[Token]) -> Iterator[tuple[str, str]]:
+def _at_condition(words: Words, tokens: Sequence[Token]) -> Iterator[tuple[str, str]]:
     """Yield the halves around a condition under which the wish is impossible: "if there's no room behind it"."""
     for i, _ in enumerate(words.words):
         begin = words.end_of("if", i)
@@ -146,7 +158,7 @@ def _at_condition(words: _Words, tokens: Sequence[Token]) -> Iterator[tuple[str,
             return
 
 
-def _tells_place(words: _Words, tokens: Sequence[Token], *parts: tuple[int, int]) -> bool:
+def _tells_place(words: Words, tokens: Sequence[Token], *parts: tuple[int, int]) -> bool:
     """Return whether a part of a condition begins with a place, or names a gap: not "if the road is blocked"."""
     told = [
         [token for token in tokens if words.spans[start][0] <= token.start < words.spans[end - 1][1]]
@@ -163,7 +175,7 @@ def _verb_at(tokens: Sequence[Token], spans: Sequence[tuple[int, int]], at: int)
     return any(token.start == begins and token.category is WordCategory.VERB for token in tokens)
 
 
-def _main_clause(words: _Words, tokens: Sequence[Token], start: int) -> int:
+def _main_clause(words: Words, tokens: Sequence[Token], start: int) -> int:
     """Return the word at which a command begins after a condition without a comma: "if it's full | park ahead"."""
     verbs = {token.start for token in tokens if token.category is WordCategory.VERB and not token.form}
     later = (k for k in range(start, len(words.words)) if words.spans[k][0] in verbs or words.words[k] == "then")
@@ -182,7 +194,7 @@ def _at_or(text: str, tokens: Sequence[Token]) -> Iterator[tuple[str, str]]:
         if first.category in _PLACES and last.category is WordCategory.RELATION:
             yield f"{wish}{text[first.end :]}", fallback
         elif first.category in _PLACES and _names_place(before, first.category):
-            yield _Words.of(wish).part(0), fallback
+            yield Words.of(wish).part(0), fallback
         elif first.category in DETERMINERS and (named := [one for one in before if one.category in DETERMINERS]):
             yield wish, f"{text[: named[-1].start]}{fallback}"
 

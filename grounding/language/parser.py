@@ -10,6 +10,7 @@ from itertools import islice
 from grounding.language.alternatives import Alternatives, split_alternatives
 from grounding.language.ambiguity import MAX_READINGS, list_alternatives
 from grounding.language.between import with_both_ends
+from grounding.language.conditions import Condition, motion_of, split_condition, until_then
 from grounding.language.people import with_people
 from grounding.language.problems import ParseProblem, check_type, find_problem
 from grounding.language.reading import Reading, compose_doubt
@@ -29,6 +30,7 @@ from grounding.language.syntax.unitless import guessed_distances, name_units
 from grounding.language.syntax.word_categories import WordCategory
 from grounding.language.syntax.word_model import common_words, homophones
 from grounding.query import Query, Referent
+from grounding.vocabulary import STATES
 
 # Most ways to read the words of a sentence, and how much less likely (nats) than the best one they may be.
 _MAX_WAYS, _MAX_LOSS = 6, 4.0
@@ -86,6 +88,8 @@ def parse_all(
         if asks_for_place(rest[0].query):
             heeded = f"'{warning.beside}' is heeded on the way, and tells no place"
             return tuple(replace(one, notes=(*one.notes, heeded)) for one in rest)
+    if cases := _read_condition(text, split_condition(normalised, tagged), words, antecedent, revised):
+        return cases
     if wishes := _read_alternatives(text, split_alternatives(normalised, tagged), words, antecedent, revised):
         return wishes
     likely = [_Analysis(text, way, antecedent, verb) for way in ways if way.cost <= ways[0].cost + _MAX_LOSS]
@@ -112,6 +116,29 @@ def parse_all(
                 return tuple(replace(one, dropped=(*one.dropped, side.beside)) for one in rest)
     read = partial(parse, lexicon=words, revised=False)
     return (with_people(with_both_ends(first, normalised, read)), *others)
+
+
+def _read_condition(
+    text: str, condition: Condition | None, lexicon: Lexicon, antecedent: Referent | None, revised: bool
+) -> tuple[Reading, ...]:
+    """Return the reading of a condition with a command for either case, if both are plain; () for none."""
+    if condition is None:
+        return ()
+    named = parse(f"wait until {condition.clause}", lexicon, antecedent, revised=False)
+    about = named.query.referent or parse(condition.other, lexicon, antecedent, revised=False).query.referent
+    about = about and replace(about, qualifiers=tuple(one for one in about.qualifiers if one not in STATES))
+    first, second = (
+        parse_all(half, lexicon, about or antecedent, revised=revised)[0]
+        for half in (condition.then, condition.other)
+    )
+    if not (first.is_plain and second.is_plain):
+        return ()
+    both = (said_whole(one, text) for one in (first, second))
+    then, other = both
+    motion = motion_of(named.tokens[2:])
+    if not motion and (plan := until_then(named.query, then, other)):
+        return (plan,)
+    return (replace(then, otherwise=other, condition=condition.clause, motion=motion),)
 
 
 def _read_alternatives(

@@ -250,3 +250,22 @@ def test_a_wait_of_the_same_command_stays(go: str) -> None:
 
 def test_a_wait_until_we_are_told_ends() -> None:
     assert steps_of(talk("wait until I say so, then stop behind the blue car", "okay, off you go")[1]) == ["stop b"]
+
+
+@pytest.mark.parametrize(("speed_mps", "action"), [(5.0, "follow"), (0.0, "overtake")])
+def test_the_case_that_is_seen_decides(speed_mps: float, action: str) -> None:
+    street = Street().car("t", 16, -2, BLUE, speed_mps=speed_mps)
+    first = street.grounder().ground("if the blue car moves, follow it, otherwise pass it")
+    assert first.query.action == action
+    session = street.grounder().session()
+    session.say("stop behind the blue car")
+    answer = session.say("if it is moving, follow it, otherwise overtake it")
+    assert answer.query.action == action, answer.text()
+    assert "the case now" in answer.text()
+
+
+def test_a_case_that_is_not_seen_is_asked_about() -> None:
+    session = Street().car("t", 20, -2, BLUE).grounder().session()
+    asked = session.say("if the blue car leaves, stop in 20 metres, otherwise overtake it")
+    assert (asked.status, len(asked.alternatives)) == ("ambiguous", 2)
+    assert session.say("the second").query.action == "overtake"

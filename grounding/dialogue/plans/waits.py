@@ -18,6 +18,7 @@ from grounding.dialogue.plans.steps import HOLDING, Words
 from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.telling.reports import aside, notice
 from grounding.language import Reading, WordCategory
+from grounding.language.conditions import tells_cases
 from grounding.language.questions import asks_car
 from grounding.language.replies import words_after_opening, words_end
 from grounding.query import Exclusion, Landmark, Query, Referent
@@ -53,6 +54,8 @@ class Awaited:
 
 def answer_wait(talk: Conversation, text: str) -> Answer | None:
     """Answer a turn about when the goal in force is to be reached; None for other turns."""
+    if tells_cases(text, talk.grounder.lexicon):
+        return None  # "if it moves, follow it, otherwise pass it"
     before = talk.state
     *remarks, last = _SENTENCE.split(text.strip())
     if any(not talk.read(one).problem for one in remarks):

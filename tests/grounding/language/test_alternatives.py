@@ -64,7 +64,6 @@ def test_whichever_is_closer_prefers_the_nearer_place() -> None:
         "if there's a gap behind the van pull in there",
         "don't stop behind the bus or the truck",
         "if the road is blocked, turn left",
-        "if the car ahead is moving, follow it, otherwise go round it",
         "park left or right of the bus",
     ],
 )
@@ -81,3 +80,39 @@ def test_a_fallback_without_its_wish() -> None:
 def test_a_text_with_many_alternatives_is_not_split() -> None:
     assert parse("stop at the kerb" + ", otherwise behind the van" * 2).otherwise is not None
     assert parse("stop at the kerb" + ", otherwise behind the van" * 20).otherwise is None
+
+
+@pytest.mark.parametrize(
+    ("text", "then", "other"),
+    [
+        ("if the truck moves, follow it, otherwise pass it", "follow", "overtake"),
+        ("if the van is parked go round it, otherwise wait behind it", "overtake", "wait"),
+        ("unless the bus is moving, overtake it, otherwise follow it", "follow", "overtake"),
+        ("if the car leaves, follow it, else overtake it", "follow", "overtake"),
+    ],
+)
+def test_a_state_has_a_command_for_either_case(text: str, then: str, other: str) -> None:
+    reading = parse(text)
+    assert reading.condition
+    assert reading.otherwise is not None
+    assert (reading.query.action, reading.otherwise.query.action) == (then, other)
+    assert reading.is_plain
+
+
+@pytest.mark.parametrize(
+    ("text", "steps"),
+    [
+        ("follow the truck, but if it stops overtake it", [("follow", "stop"), ("overtake", None)]),
+        ("follow the van unless it turns off, in which case go straight on", [("follow", "turn"), ("other", None)]),
+        ("if the van turns off, go straight on, otherwise follow it", [("follow", "turn"), ("other", None)]),
+        ("stop behind the bus, if it leaves, follow it", [("stop", None), ("wait", "leave"), ("follow", None)]),
+    ],
+)
+def test_what_holds_until_an_event_is_a_plan(text: str, steps: list[tuple[str, str | None]]) -> None:
+    reading = parse(text)
+    assert [(step.action, step.trigger) for step in reading.steps] == steps
+    assert not reading.dropped
+
+
+def test_no_place_is_no_state() -> None:
+    assert not parse("if there's a gap behind the van, park there, otherwise at the kerb").condition

@@ -1,0 +1,49 @@
+"""Answers to a condition with a command for either case: the case that is, else the question which one to plan."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+from appocc.motion_state import STANDING_MPS
+from grounding.answer import Answer
+from grounding.describe import describe_step
+
+
+def choose_case(then: Answer, other: Answer, condition: str, motion: str) -> Answer:
+    """Return the answer for the case that is seen, with what else would be done; else ask which one to plan.
+
+    Args:
+        then: the answer if the condition holds.
+        other: the answer if it does not.
+        condition: the condition in words.
+        motion: whether it says that the vehicle moves or stands; '' for what the scene does not show.
+    """
+    first, last = (_describe(one) for one in (then, other))
+    vehicle = then.referent or other.referent
+    speed_mps = vehicle.item.speed_mps if vehicle is not None else None
+    if motion and speed_mps is not None:
+        holds = (speed_mps > STANDING_MPS) == (motion == "moving")
+        chosen, left = (then, last) if holds else (other, first)
+        case = f"'{condition}' is {'' if holds else 'not '}the case now: '{left}' would be, if that changes"
+        return replace(chosen, reasons=(case, *chosen.reasons))
+    options = tuple(one for one in (then, other) if one.status != "not_a_command")
+    asked = Answer(
+        status="ambiguous",
+        reading=then.reading,
+        scene=then.scene,
+        reasons=(f"whether '{condition}' cannot be told now, and one case is planned at a time",),
+        question=f"shall we plan '{first}', or '{last}'?",
+        alternatives=options,
+        dropped=then.dropped,
+    )
+    return replace(asked, chooser=partial(_pick, options))
+
+
+def _describe(answer: Answer) -> str:
+    described = describe_step(answer.query, answer.referent, answer.scene)
+    return "carry on" if described == "other" else described.removeprefix("other ")
+
+
+def _pick(options: tuple[Answer, ...], number: int) -> Answer:
+    return options[number - 1]
