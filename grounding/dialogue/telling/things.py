@@ -87,9 +87,9 @@ def describe_place(talk: Conversation, words: str) -> Reading | None:
 
 
 def _describe_one_at(talk: Conversation, words: str) -> Reading | None:
-    """Return the description of a vehicle by its place alone where none was spoken of: "the one behind us"."""
+    """Return the description of a vehicle by its place alone, whatever was spoken of: "the one behind us"."""
     tokens = talk.read(words).tokens if words else ()
-    if talk.antecedent is not None or not any(one.category is WordCategory.ONE for one in tokens[:2]):
+    if not any(one.category is WordCategory.ONE for one in tokens[:2]):
         return None
     return describe_place(talk, " ".join(one.text for one in tokens if one.category not in _EMPTY))
 
@@ -137,6 +137,8 @@ def find_things(talk: Conversation, question: Question) -> Things:
     if spoken_of is not None:
         return Things((spoken_of,))
     found = find_by_it(talk, question.words, reading) or resolve(reading.query, talk.scene)
+    if found.status == "not_found" and (at_place := _describe_one_at(talk, question.words)) is not None:
+        found = resolve(at_place.query, talk.scene)  # the one behind us is no bus
     if found.status == "not_found" or not found.candidates:
         return Things(reasons=found.reasons)
     if found.status == "ambiguous" and len(found.candidates) == 1:

@@ -133,6 +133,15 @@ def test_what_is_measured_of_the_vehicle_in_talk(question: str, expected: str) -
     assert expected in told(session, question)
 
 
+@pytest.mark.parametrize("question", ["what colour is the one behind us?", "how fast is the one behind us going?"])
+def test_the_one_at_a_place_is_of_any_class(question: str) -> None:
+    session = (
+        Street().car("van", 20, 0, BLACK, size_wlh_m=(2.0, 5.2, 2.2)).car("back", -12, 0, RED).grounder().session()
+    )
+    assert "black van" in told(session, "do you see the van?")
+    assert "red car" in told(session, question)
+
+
 def test_the_time_of_arrival() -> None:
     session = drive()
     session.say("park behind the white car")
