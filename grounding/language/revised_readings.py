@@ -187,8 +187,10 @@ def _is_commanded(step: Query, before: Query, after: Query) -> bool:
 
 
 def _is_about_another(step: Query, query: Query) -> bool:
-    """Return whether a step is about another vehicle than a command, which would be lost with it."""
-    return step.referent is not None and query.referent is not None and step.referent.noun != query.referent.noun
+    """Return whether a step passes another vehicle than a command names, which would be lost with it."""
+    passes = step.action in ("drive_past", "overtake")
+    other, own = step.referent, query.referent
+    return passes and other is not None and own is not None and other.noun != own.noun
 
 
 def _is_main(step: Query, query: Query) -> bool:
