@@ -211,7 +211,7 @@ def _without_others(query: Query, evidence: Evidence, values: dict[str, str]) ->
         for field in ("noun", "colour")
         if values[field] != NONE and any(getattr(one, field) == values[field] for one in evidence.others)
     }
-    if query.relation != NONE and values["relation"] in evidence.places:
+    if NONE not in (query.relation, values["relation"]) and values["relation"] in evidence.places:
         mixed["relation"] = query.relation
     return {**values, **mixed}
 
