@@ -57,6 +57,8 @@ _OTHER_NOUNS = NOUNS - {WordCategory.NOUN}
 _WEAK_RELATIONS = ("at", "toward", "in", "into", "along", "on", "with", "for")
 # "Don't turn until it has gone" orders the turn.
 _UNTIL = ("until", "before")
+# The place that is nearest on our way.
+_FIRST = ("first", "next", "nearest")
 # Tokens read in all tests of one text, which bounds their time.
 _MAX_TOKENS_READ = 2500
 
@@ -86,7 +88,10 @@ def account_for(
         repaired: whether the text corrects itself, or was corrected: then no dropped word is mere context.
     """
     whole = build(tokens)
-    content = [i for i, token in enumerate(tokens) if _is_content(token) and not _is_group(tokens, i)]
+    without_effect = (_is_group, _is_first_spot)
+    content = [
+        i for i, token in enumerate(tokens) if _is_content(token) and not any(f(tokens, i) for f in without_effect)
+    ]
     # Negations first: they are tested in a text of any length.
     tested = sorted(content, key=lambda i: tokens[i].category not in POLARITY)[: _MAX_TOKENS_READ // len(tokens)]
     unused = [
@@ -170,6 +175,12 @@ def _is_group(tokens: Sequence[Token], i: int) -> bool:
     named = next((one for one in tokens[i + 2 :] if one.category in NOUNS), None)
     several = named is not None and named.category is WordCategory.NOUN and named.form == "plural"
     return tokens[i].text in GROUPS and _category_at(tokens, i + 1) is WordCategory.OF and several
+
+
+def _is_first_spot(tokens: Sequence[Token], i: int) -> bool:
+    """Return whether a word asks for the first or the nearest place, which is taken anyway: "the next free space"."""
+    noun = next((one for one in tokens[i + 1 :] if one.category not in MODIFIERS), None)
+    return tokens[i].value in _FIRST and noun is not None and noun.category is WordCategory.SPOT
 
 
 def _is_doubtful(tokens: Sequence[Token], i: int) -> bool:

@@ -31,6 +31,32 @@ def test_an_awaited_event_is_a_step_that_holds() -> None:
 
 
 @pytest.mark.parametrize(
+    ("text", "action", "relation"),
+    [
+        ("pull over so the bus can get past", "pull_over", "none"),
+        ("slow down so that the truck can merge", "slow_down", "none"),
+        ("stop next to the van so that my wife can get in", "stop", "next_to"),
+        ("park behind the van so the motorbike can get by", "park", "behind"),
+    ],
+)
+def test_a_purpose_is_not_awaited(text: str, action: str, relation: str) -> None:
+    (step,) = parse(text).steps
+    assert (step.action, step.relation, step.trigger) == (action, relation, None)
+
+
+@pytest.mark.parametrize("text", ["stay in this lane until the junction", "keep going till the next crossing"])
+def test_who_drives_on_until_a_landmark_drives_to_it(text: str) -> None:
+    query = parse(text).query
+    assert (query.action, query.relation, query.landmark) == ("other", "at", "secondary")
+
+
+@pytest.mark.parametrize("text", ["take the next free space on the left", "park in the nearest spot behind the bus"])
+def test_the_first_space_is_taken_anyway(text: str) -> None:
+    assert not parse(text).dropped
+    assert parse("take the third space on the left").dropped
+
+
+@pytest.mark.parametrize(
     ("text", "count"),
     [
         ("take the third left", 3),
