@@ -153,7 +153,7 @@ def _await(
     if step.relation == "none" and _same_vehicle(step, held):
         step = _at_landmark(replace(step, referent=None, landmark=None))  # the vehicle is only awaited
     if intent.frame.event_connective == "so":  # "pull over so that the van can pass": it waits for nothing
-        return [(is_main, step)]
+        return [(is_main, step) if step.action in _STANDING else pair]
     if ends and step.action in _STANDING:
         return [(is_main, step), (False, held)]  # "stop at the crossing until they are over"
     return [(False, held), (is_main, step)]

@@ -34,7 +34,7 @@ def test_an_awaited_event_is_a_step_that_holds() -> None:
     ("text", "action", "relation"),
     [
         ("pull over so the bus can get past", "pull_over", "none"),
-        ("slow down so that the truck can merge", "slow_down", "none"),
+        ("stop here so that the bikes can get past", "stop", "none"),
         ("stop next to the van so that my wife can get in", "stop", "next_to"),
         ("park behind the van so the motorbike can get by", "park", "behind"),
     ],
