@@ -270,7 +270,7 @@ def _best_readings(analyses: Sequence[_Analysis]) -> tuple[Reading, ...]:
 
 def _steps_of(query: Query, built: BuiltQuery) -> tuple[Query, ...]:
     """Return the steps of a reading: the main one changes as its query does."""
-    if len(built.steps) == 1:
+    if built.steps == (built.query,):
         return (query,)
     main = built.steps[built.main_step]
     changed = {

@@ -39,8 +39,6 @@ _ANY_VEHICLE = ("vehicle", "vehicles", "motor vehicle", "motor vehicles")
 _COMMANDED = 0.5
 # Relations of a place on our way, for which a landmark that the grammar finds counts more than a person.
 _ON_OUR_WAY = ("before", "past")
-# Actions whose place only a relation ties to a vehicle.
-_STANDING = ("park", "stop", "pull_over")
 # Most words of a sentence whose vehicle without a class ("the white one") is found in the scene.
 _SHORT = 6
 
@@ -191,9 +189,6 @@ def _by_network(query: Query, evidence: Evidence, prediction: Prediction) -> Que
     nameless = query.unresolved and not (prediction.head or evidence.dropped or evidence.unknown)
     if by_scene or nameless:
         values["noun"] = NONE
-    at_none = query.referent is None and query.action in _STANDING and values["relation"] == query.relation == NONE
-    if evidence.whole and at_none:
-        values |= {"noun": NONE, "colour": NONE}  # "pull over so that the bus can get past"
     if evidence.whole and query.landmark == "secondary" and query.referent is None and values["relation"] == NONE:
         values["relation"] = query.relation  # the words name the landmark: "stay in this lane until the junction"
     values = _without_others(query, evidence, _in_words_of(query, values))

@@ -93,7 +93,6 @@ def build_query(text: str, discourse: Discourse) -> BuiltQuery:
 
     query = query_of(main, commands, intents)
     steps, main_step = plan_steps(discourse, commands, main, query, query_of)
-    query = query if len(steps) > 1 else steps[0]  # without the event that is its purpose
     postmodifiers = tuple(main.referent.postmodifiers) if main.referent is not None else ()
     return BuiltQuery(query, postmodifiers, steps, main_step)
 
