@@ -38,6 +38,8 @@ _TELLING = (
     | {WordCategory.VERB, WordCategory.MEANWHILE, WordCategory.WHERE, WordCategory.HERE, WordCategory.THERE}
     | {WordCategory.RELATION, WordCategory.ONE, WordCategory.STATE, WordCategory.QUESTION}
 )
+# A noun for vehicles of any class.
+_ANY_VEHICLE = ("vehicle", WordCategory.NOUN)
 
 
 class Split(NamedTuple):
@@ -67,7 +69,8 @@ def split_reasons(text: str, tokens: Sequence[Token]) -> Iterator[Split]:
     """Yield a text without each of its statements that can only be reasons; arguments as in `split_warning`."""
     clauses = [part for clause in split_clauses(tokens) for part in _sentences(clause)]
     for i, clause in enumerate(clauses):
-        if len(clauses) > 1 and _is_reason(clause):
+        refers = any(token.category in _REFERRING for other in clauses[i + 1 :] for token in other.tokens)
+        if len(clauses) > 1 and _is_reason(clause if refers else _without_any_vehicle(clause)):
             yield _split(text, clauses, i)
 
 
@@ -98,6 +101,13 @@ def _sentences(clause: Clause) -> list[Clause]:
         return [clause]
     i = starts[-1]
     return [replace(clause, tokens=tokens[:i]), Clause("", tokens[i:])]
+
+
+def _without_any_vehicle(clause: Clause) -> Clause:
+    """Return the clause "there's a queue" without the vehicles of no class that it states, if it does."""
+    if clause.tokens[0].category is not WordCategory.EXISTS:
+        return clause
+    return replace(clause, tokens=tuple(one for one in clause.tokens if (one.value, one.category) != _ANY_VEHICLE))
 
 
 def _is_reason(clause: Clause) -> bool:
