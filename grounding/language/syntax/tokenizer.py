@@ -24,7 +24,7 @@ _SPEED_UNIT = re.compile(r"(?<![a-z])(?:(?:kms?|kilomet(?:er|re)s?|miles?) ?(?:/
 _WILL = re.compile(r"\b(he|she|it|they)'ll\b")
 # A side, and "exactly" before a relation; relations that name a place at a vehicle, and no place to turn.
 _INTENSIFIER = "right"
-_AT_VEHICLE = ("behind", "in_front_of", "next_to")
+_AT_VEHICLE = ("behind", "in_front_of", "next_to", "near", "opposite")
 _MARKS = {",": WordCategory.COMMA} | dict.fromkeys(".;!?", WordCategory.BREAK)
 
 
@@ -142,11 +142,15 @@ def _without_intensifier(words: tuple[str, ...], start: int, lexicon: Lexicon) -
         return None
     last = longest[0] - 1
     relation = lexicon.longest_match(words, last)
-    if relation is None or relation[0] == last + 1 or relation[1].value not in _AT_VEHICLE:
+    if relation is None or relation[0] == last + 1 or not _is_at_vehicle(relation[1]):
         return None
     shorter = lexicon.longest_match(words[:last], start)
     turns = shorter is None or shorter[0] != last or shorter[1].value.startswith("turn")
     return None if turns else shorter
+
+
+def _is_at_vehicle(entry: LexicalEntry) -> bool:
+    return entry.category is WordCategory.BETWEEN or entry.value in _AT_VEHICLE
 
 
 def _left_out(normalised: str, found: Sequence[re.Match[str]]) -> list[Token]:

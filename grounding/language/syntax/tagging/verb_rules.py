@@ -30,9 +30,6 @@ _NOUNS_OF_VERBS = {
 }
 # Nouns used as verbs: "shadow that van".
 _VERBS_OF_NOUNS = {"shadow": "follow", "mirror": "follow", "dodge": "avoid", "block": "danger", "track": "follow"}
-# "Right" is an adverb before these relations: "go right behind it", "go right between them".
-_GO_RIGHT = ("go right", "drive right", "head right")
-_RIGHT_BEFORE = ("behind", "in_front_of", "next_to", "near", "opposite")
 # Relations before "the line" for which it is a stop line and no queue.
 _BEFORE_LINE = ("at", "toward", "before", "behind")
 # Categories before "passed" used as a relation.
@@ -120,8 +117,6 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
     relation = after[0].value if category_at(after, 0) is WordCategory.RELATION else ""
     if token.value == "avoid" and token.text.endswith(" back") and relation in ("behind", "next_to", "in_front_of"):
         return token.with_category(WordCategory.VERB, "get")  # "get back behind the van"
-    if token.text in _GO_RIGHT and (relation in _RIGHT_BEFORE or following is WordCategory.BETWEEN):
-        return token.with_category(WordCategory.VERB, "go")
     if token.form == "ing" and last in DETERMINERS and category_at(after, 0) in HEADS | {WordCategory.COLOUR}:
         return token.with_category(WordCategory.EXTRA)
     if _is_idle(token, after):
