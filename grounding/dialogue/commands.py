@@ -10,7 +10,7 @@ from grounding.dialogue.changes import drop_steps, replace_step
 from grounding.dialogue.choices import confirm
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import each_step, find_fitting, widen
-from grounding.dialogue.fragments import is_understood, keep_action, names_pronoun, refers_to_place
+from grounding.dialogue.fragments import is_understood, keep_action, names_pronoun, points, refers_to_place
 from grounding.dialogue.merging import merge_request, names_gap_only
 from grounding.dialogue.shifts import shift_more
 from grounding.dialogue.telling.phrases import said
@@ -65,9 +65,7 @@ def answer_command(
     if names_pronoun(first) and not first.condition:
         if state.question is not None and len(state.question.candidates) > 1 and not agreed:
             return ask_again(talk, text)
-        pronouns = (WordCategory.PRONOUN, WordCategory.POSSESSIVE)  # "go to her"
-        named = any(token.category in pronouns for token in first.tokens)
-        if not named and (aimed := talk.aimed_at):  # "stay behind": not what was only asked about
+        if not points(first.tokens) and (aimed := talk.aimed_at):  # "stay behind": not what was only asked about
             if first.query.action == "avoid" and aimed.query.action == "follow":
                 return shift_more(talk, text, 1.0)  # "keep a safe gap"
             first = each_step(first, lambda step: replace(step, referent=aimed.query.referent))

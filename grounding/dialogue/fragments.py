@@ -124,6 +124,16 @@ def names_pronoun(reading: Reading) -> bool:
     return all(category is WordCategory.PRONOUN for _, category in named[: until + 1])
 
 
+def points(tokens: Sequence[Token]) -> bool:
+    """Return whether some words point at something: "go to her", "stop behind that"; "stay behind" does not."""
+    pronouns = (WordCategory.PRONOUN, WordCategory.POSSESSIVE)
+    demonstratives = (WordCategory.THAT, WordCategory.THE)
+    places = (
+        one.category is WordCategory.RELATION and then.category in demonstratives for one, then in pairwise(tokens)
+    )
+    return any(token.category in pronouns for token in tokens) or any(places)
+
+
 def read_description(text: str, antecedent: Referent | None, read: Reader, *, whole: bool = False) -> Reading | None:
     """Read a fragment as the description of a vehicle: "the closer one", "on the left", "red".
 

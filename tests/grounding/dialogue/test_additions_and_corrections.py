@@ -287,3 +287,19 @@ def test_a_place_between_two_moves_towards_the_one_that_is_named(turn: str, near
     session = scene.grounder().session()
     before = say(session, "stop between the red car and the blue car")
     assert nearer * (ahead_m(say(session, turn)) - ahead_m(before)) > 0.5
+
+
+# What "that" points at
+
+
+@pytest.mark.parametrize(
+    "asked", ["is there a blue car about?", "how far is the blue car?", "is that a blue car up there?"]
+)
+@pytest.mark.parametrize("turn", ["stop behind that", "yes that's ours. pull in behind that instead"])
+def test_that_is_what_was_asked_about(asked: str, turn: str) -> None:
+    assert vehicle(say(street().grounder().session(), "stop behind the red car", asked, turn)) == "blue"
+
+
+def test_a_place_without_that_is_at_the_vehicle_of_the_goal() -> None:
+    turns = ("stop next to the red car", "is there a blue car about?", "stop behind")
+    assert vehicle(say(street().grounder().session(), *turns)) == "red"
