@@ -61,6 +61,8 @@ _WHOLE = {"in front": "in front of", "ahead": "ahead of", "close by": "near", "n
 _PLACE_ACTIONS = ("park", "stop", "pull_over", "wait")
 # Most ways to divide a fragment into a vehicle and a place that are tried.
 _MOST_CUTS = 12
+# Most parts of a fragment: each is left out in turn, so that the time grows with their square.
+_MOST_PARTS = 8
 _VERB_CATEGORIES = (WordCategory.VERB, WordCategory.NONDRIVE, WordCategory.MEANWHILE)
 
 
@@ -200,6 +202,8 @@ def describe_and_place(text: str, base: Query, antecedent: Referent | None, read
         A reading whose query is partial: it has the vehicle and the place; None if the fragment has not both.
     """
     parts = _parts(text)
+    if len(parts) > _MOST_PARTS:
+        return None
     # What comes before and after may be a reason: "I don't trust that. The grey one, behind".
     ends = range(len(parts) + 1)
     cuts = [(start, i, end) for start in ends for i in ends[start + 1 :] for end in reversed(ends[i + 1 :])]
@@ -227,7 +231,7 @@ def _shortened(text: str) -> Iterator[str]:
     """Yield a text, and what is left of it without its last and its first parts: reasons and second thoughts."""
     parts = _parts(text)
     yield text
-    for length in range(len(parts) - 1, 0, -1):
+    for length in range(len(parts) - 1, 0, -1) if len(parts) <= _MOST_PARTS else ():
         yield ", ".join(parts[:length])
         yield ", ".join(parts[-length:])
 

@@ -33,6 +33,8 @@ _PASSED = ("has", "passed")
 _OURSELVES = ("i", "we", "you", "us", "me")
 # What is not to be passed, by its relation in the exclusion of a command: "don't go past it", "don't cross it".
 _NOT_PASSED = ("past", None)
+# Words that tell an event, and the most of them in a turn: for each of them both sides are read.
+_AWAITING, _MAX_JOINTS = ("awaited", "till", "supposed"), 4
 # We are at a place that is nearer than this.
 _ARRIVED_M = 3.0
 
@@ -164,13 +166,12 @@ def _agrees(query: Query, steps: Sequence[Request]) -> bool:
 
 def _read_awaited(talk: Conversation, words: Words, whole: str) -> Awaited | None:
     """Return the wait that a turn asks for; None for other turns. `whole`: the turn, if it says more before."""
-    for start in range(len(words)):
-        for kind in ("awaited", "till", "supposed"):
-            end = words_end(kind, words, start)
-            before, after = words[:start], words[end:]
-            found = None if end == start else (_read_before if before else _read_after)(talk, kind, before, after)
-            if found is not None:
-                return found
+    ends = ((start, kind, words_end(kind, words, start)) for start in range(len(words)) for kind in _AWAITING)
+    joints = [(start, kind, end) for start, kind, end in ends if end > start]
+    for start, kind, end in joints if len(joints) <= _MAX_JOINTS else ():
+        before, after = words[:start], words[end:]
+        if found := (_read_before if before else _read_after)(talk, kind, before, after):
+            return found
     said_first = words[-1:] == ("first",)  # "let him pass first"
     reading = _read(talk, whole or " ".join(words[:-1] if said_first else words))
     wait, *then = [reading.with_query(one) for one in reading.steps]

@@ -1,12 +1,15 @@
 """Turns of several sentences or clauses, and what they refer back to."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from street import BLACK, BLUE, GREEN, RED, WHITE, Street
 
+from grounding import Grounder
 from grounding.answer import Answer
 from grounding.dialogue.session import Session
-from grounding.language import parse
+from grounding.language import Reading, parse
 
 PERSON = {"size_wlh_m": (0.6, 0.6, 1.7), "category": "human.pedestrian.adult"}
 
@@ -225,3 +228,23 @@ def test_of_two_vehicles_named_no_step_is_left_out_by_its_vehicle() -> None:
     session.say("and then stop behind the green car")
     answer = session.say("forget the red car, just the green car")
     assert not any(step.referent and step.referent.item.id == "a" for step in answer.steps[1:]), answer.text()
+
+
+@pytest.mark.parametrize(
+    "again", ["if not, behind the red car ", "once it has gone, ", "if not, then the other one, "]
+)
+def test_what_is_read_of_a_turn_does_not_grow_with_its_repetitions(
+    again: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reads, read = list[str](), Grounder.read
+
+    def count(self: Grounder, words: str, *about: Any, **how: Any) -> tuple[Reading, ...]:
+        reads.append(words)
+        return read(self, words, *about, **how)
+
+    monkeypatch.setattr(Grounder, "read", count)
+    session = row()
+    session.say("stop behind the blue car")
+    reads.clear()
+    session.say("is there room? " + 40 * again)
+    assert len(reads) < 120
