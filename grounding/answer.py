@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from appocc.errors import AppoccError
 from appocc.polylines import length_m
-from grounding.describe import candidate_to_dict, describe_candidate, describe_step, round_to_mm, target_to_dict
+from grounding.describe import (
+    candidate_to_dict,
+    describe_candidate,
+    describe_step,
+    round_to_mm,
+    target_to_dict,
+    with_article,
+)
 from grounding.goal.planner import GoalPlan, Target
 from grounding.language import ParseProblem, Reading, underline
 from grounding.query import Query
@@ -16,6 +23,7 @@ from grounding.referent.resolver import Candidate, ResolutionStatus
 from grounding.referent.scene import SceneModel
 from grounding.vocabulary import Pace
 
+_Option = TypeVar("_Option")
 AnswerStatus = ResolutionStatus | Literal["not_a_command"]
 
 # Longest part of a command that the text of an answer repeats.
@@ -178,6 +186,17 @@ class Answer:
         lines += [title] if others else []
         lines += [f"  {number}. {describe_candidate(one, self.scene)}" for number, one in others]
         return "\n".join([*lines, *([self.question] if self.question else [])])
+
+
+def pick(options: Sequence[_Option], number: int, name: str) -> _Option:
+    """Return an option of an answer by its number, from 1; `name` is what the options are.
+
+    Raises:
+        AppoccError: if there is no such option.
+    """
+    if not 1 <= number <= len(options):
+        raise AppoccError(f"expected the number of {with_article(name)}, 1 to {len(options)}, got {number}")
+    return options[number - 1]
 
 
 def _describe_pose(target: Target) -> str:

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from typing import TypeVar
 
 from appocc.errors import AppoccError
-from grounding.answer import Answer
+from grounding.answer import Answer, pick
 from grounding.cases import choose_case
 from grounding.confidence import confidence_of, gather_evidence, is_worth_acting
 from grounding.describe import describe_object, describe_step, with_article
@@ -37,7 +36,6 @@ from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
 
-_Option = TypeVar("_Option")
 # Log scores of readings without a referent and without a goal: these rank below all others.
 _NO_REFERENT_SCORE, _NO_GOAL_SCORE = -200.0, -100.0
 # Candidates of an indefinite referent ("a red car") for which goals are compared.
@@ -172,17 +170,6 @@ def accept_proposal(request: Request, answer: Answer) -> Request:
         return Request(reading=request.reading.with_query(query), chosen=chosen)
     held = None if plan.nearest is None else HeldPose(plan.nearest.world_m, plan.nearest.heading_rad)
     return replace(request, chosen=chosen, held=held, shifts=() if held else request.shifts)
-
-
-def pick(options: Sequence[_Option], number: int, name: str) -> _Option:
-    """Return an option of an answer by its number, from 1; `name` is what the options are.
-
-    Raises:
-        AppoccError: if there is no such option.
-    """
-    if not 1 <= number <= len(options):
-        raise AppoccError(f"expected the number of {with_article(name)}, 1 to {len(options)}, got {number}")
-    return options[number - 1]
 
 
 def reconcile(answer: Answer, rival: Answer) -> Answer:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import partial
 
 from appocc.motion_state import STANDING_MPS
-from grounding.answer import Answer
+from grounding.answer import Answer, pick
 from grounding.describe import describe_step
 
 
@@ -19,7 +19,7 @@ def choose_case(then: Answer, other: Answer, condition: str, motion: str) -> Ans
         condition: the condition in words.
         motion: whether it says that the vehicle moves or stands; '' for what the scene does not show.
     """
-    first, last = (_describe(one) for one in (then, other))
+    first, last = (describe_step(one.query, one.referent, one.scene) for one in (then, other))
     vehicle = then.referent or other.referent
     speed_mps = vehicle.item.speed_mps if vehicle is not None else None
     if motion and speed_mps is not None:
@@ -37,13 +37,4 @@ def choose_case(then: Answer, other: Answer, condition: str, motion: str) -> Ans
         alternatives=options,
         dropped=then.dropped,
     )
-    return replace(asked, chooser=partial(_pick, options))
-
-
-def _describe(answer: Answer) -> str:
-    described = describe_step(answer.query, answer.referent, answer.scene)
-    return "carry on" if described == "other" else described.removeprefix("other ")
-
-
-def _pick(options: tuple[Answer, ...], number: int) -> Answer:
-    return options[number - 1]
+    return replace(asked, chooser=partial(pick, options, name="case"))

@@ -68,6 +68,8 @@ def describe_step(query: Query, referent: Candidate | None, scene: SceneModel) -
     if referent is not None:
         named = f"the {describe_candidate(referent, scene)}"
     words = (verb_of(query.action, query.relation), relation, named, side)
+    if query.action == "other" and not any(words[1:]):
+        return "carry on"
     return " ".join(word.replace("_", " ") for word in words if word)
 
 

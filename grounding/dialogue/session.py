@@ -10,8 +10,7 @@ from appocc.bevmap import BEVMap
 from appocc.boxes import Boxes
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError
-from grounding.answer import Answer
-from grounding.answering import pick
+from grounding.answer import Answer, pick
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.parts import answer_turn
 from grounding.dialogue.plans.following import follow_plan, follow_question, relocate
