@@ -200,3 +200,20 @@ def test_control_characters_do_not_reach_the_terminal() -> None:
     text = ground("\x1b[31mstop behind\x07 the blue car").text()
     assert "\x1b" not in text
     assert "\x07" not in text
+
+
+def test_a_case_that_is_not_seen_is_chosen_by_its_number() -> None:
+    asked = ground("if the light is red stop behind the blue car, otherwise carry on")
+    assert asked.status == "ambiguous"
+    assert asked.question.endswith("or 'carry on'?")
+    stopped, driven = asked.choose(1), asked.choose(2)
+    assert (stopped.query.action, stopped.status) == ("stop", "ok")
+    assert (driven.query.action, driven.status) == ("other", "ok")
+    for number in (0, 3):
+        with pytest.raises(AppoccError, match="1 to 2"):
+            asked.choose(number)
+
+
+def test_both_vehicles_of_a_pair_are_told() -> None:
+    answer = ground("park between the white car on the right and the blue car")
+    assert "the other one is the blue car" in answer.text()
