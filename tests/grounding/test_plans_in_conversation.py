@@ -269,3 +269,9 @@ def test_a_case_that_is_not_seen_is_asked_about() -> None:
     asked = session.say("if the blue car leaves, stop in 20 metres, otherwise overtake it")
     assert (asked.status, len(asked.alternatives)) == ("ambiguous", 2)
     assert session.say("the second").query.action == "overtake"
+
+
+@pytest.mark.parametrize("turn", ["stay as you are", "okay, then stay so", "no no, keep like that", "as you were"])
+def test_to_stay_as_we_are_goes_on_with_what_is_done(turn: str) -> None:
+    answer = talk("follow the blue car", turn, street=DRIVING)[1]
+    assert (steps_of(answer), answer.pace) == (["follow b"], None)

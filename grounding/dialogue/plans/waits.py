@@ -291,7 +291,8 @@ def _start(talk: Conversation, text: str, words: Words) -> Answer | None:
     starts = bool(words) and words_end("starting", words, 0) == len(words)
     if goal is None or talk.state.question is not None or not starts:
         return None
-    if goal.target is not None and np.linalg.norm(goal.target.ego_m) < _ARRIVED_M:
+    place = goal.target if plan[-1].query.action in STOPS else None
+    if place is not None and np.linalg.norm(place.ego_m) < _ARRIVED_M:
         return None  # from there we drive on
     held = any(step.query.action in HOLDING and not _awaits_other(step) for step in plan)
     return None if held or stands(talk.state) else confirm(talk, text)
