@@ -33,7 +33,7 @@ _MIDDLE_M = 1.5
 # parking in it.
 _IN_LANE_M, _LEAVE_LANE, _PARK_IN_LANE = 1.5, 12.0, 4.0
 # Once a vehicle is passed, a place farther on is about as good.
-_FURTHER_ON_M = 6.0
+_FURTHER_ON_M = 4.0
 
 
 def propose_on_our_way(relation: str, query: Query, item: SceneObject, road: RoadMap) -> Proposal:
