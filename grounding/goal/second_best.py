@@ -25,6 +25,8 @@ _IN_LINE, _STOPPING = ("behind", "in_front_of"), ("stop", "wait")
 _AROUND_M, _NEARBY_M = 22.0, 10.0
 # Along the edge this distance costs one; a place there has this gap to the edge, and at most the second.
 _AWAY_M, _EDGE_M, _MAX_EDGE_M = 3.0, 0.3, 0.9
+# A gap below this is told as "just beyond it".
+_JUST_M = 0.5
 
 
 def plan_with_second_best(
@@ -99,7 +101,8 @@ def _describe(place: Target, item: SceneObject) -> str:
     if abs(offset_m) < (item.length_m + place.ego.length_m) / 2:
         return "beside it"
     gap_m = abs(offset_m) - (item.length_m + place.ego.length_m) / 2
-    return f"{gap_m:.0f} m {'beyond' if offset_m > 0 else 'short of'} it"
+    how_far = "just" if gap_m < _JUST_M else f"{gap_m:.0f} m"
+    return f"{how_far} {'beyond' if offset_m > 0 else 'short of'} it"
 
 
 def _close_enough(nearest: Target | None, item: SceneObject) -> Target | None:
