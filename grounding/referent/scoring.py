@@ -82,7 +82,11 @@ def score_objects(query: Query, referent: Referent, scene: SceneModel) -> Refere
 
 def note_unmapped(query: Query, scene: SceneModel) -> tuple[str, ...]:
     """Return a sentence for each thing in a query that the map does not hold, such as a tree."""
-    parts: list[Landmark | Exclusion] = [part for part in query.secondary if part.of != "goal"]
+    # The place itself is measured from a landmark of the goal: whether the map holds it is told with the place.
+    measured = query.landmark == "secondary"
+    parts: list[Landmark | Exclusion] = [
+        part for part in query.secondary if part.of != "goal" or not (measured or part.noun in LANDMARK_KINDS)
+    ]
     unknown = (part for part in (*parts, *query.excluded) if part.noun not in KNOWN_NOUNS)
     names = dict.fromkeys(part.noun.replace("_", " ") for part in unknown if not _is_on_map(part, scene))
     return tuple(f"the map holds no {name}: it was left out" for name in names)

@@ -17,6 +17,8 @@ from grounding.language.syntax.spelling import EXTRA_BLANK, SpellingCandidates
 from grounding.language.syntax.word_model import BOUNDARY, WordModel, symbol
 
 _BEAM = 12
+# Fewest words of a phrase that is right as written.
+_LEAST_PHRASE = 4
 # Most letters of a word that is spelled out.
 _MAX_SPELLED = 5
 
@@ -61,15 +63,18 @@ class Decoder:
     def __init__(self, lexicon: Lexicon) -> None:
         """Build the word model and the index of spelling candidates."""
         self._model, self._spelling = WordModel(lexicon), SpellingCandidates(lexicon)
+        self._lexicon = lexicon
         self._asides = Asides(lexicon, self._model)
 
     def decode(self, written: Sequence[str], most: int) -> list[Decoded]:
         """Return the likeliest sequences of words, best first, at most `most`; at least one."""
         paths: list[list[_Path]] = [[] for _ in range(len(written) + 1)]
         paths[0].append(_Path(0.0, BOUNDARY))
+        right = self._right_as_written(written)
         for i in range(len(written)):
             kept = sorted(paths[i], key=lambda path: path.cost)[:_BEAM]
-            for end, words, cost in self._edges(written, i) if kept else ():
+            edges = self._edges(written, i) if i not in right else self._uncorrected(written, i)
+            for end, words, cost in edges if kept else ():
                 paths[end] += self._extended(kept, words, cost, (i, end))
         ends = [(path.cost + self._end_cost(path.last), path) for path in paths[-1]]
         best: dict[tuple[str, ...], Decoded] = {}
@@ -77,6 +82,21 @@ class Decoder:
             decoded = path.decoded(cost)
             best.setdefault(decoded.words, decoded)
         return list(best.values())[:most]
+
+    def _right_as_written(self, written: Sequence[str]) -> set[int]:
+        """Return the words inside whole phrases of the lexicon: "tight to the kerb" is not "right to the kerb"."""
+        right: set[int] = set()
+        for i in range(len(written)):
+            match = self._lexicon.longest_match(tuple(written), i)
+            if match is not None and match[0] - i >= _LEAST_PHRASE:
+                right.update(range(i, match[0]))
+        return right
+
+    def _uncorrected(self, written: Sequence[str], i: int) -> Iterator[tuple[int, tuple[str, ...], float]]:
+        """Yield the edges from a written word that is right: itself, and asides."""
+        yield i + 1, (written[i],), 0.0
+        for end, cost in self._asides.at(written, i):
+            yield end, (), cost
 
     def _edges(self, written: Sequence[str], i: int) -> Iterator[tuple[int, tuple[str, ...], float]]:
         """Yield the edges from a written word: end, words, cost."""

@@ -89,7 +89,7 @@ def complete_fragment(tagged: Sequence[Token], verb: str = "") -> Sequence[Token
         return [_verb_before(first, "take"), *tagged]
     if first.category is WordCategory.LANE and (not rest or rest[0].category in _AFTER_LANE):
         return [_verb_before(first, "get"), *tagged]
-    if _names_any_spot(words):
+    if _names_any_spot(words) or _names_any_place(words):
         ends = [i for i, token in enumerate(tagged) if token.category in _PRAISE]
         return [_verb_before(first, "park"), *tagged[: ends[0] if ends else len(tagged)]]
     near = [token.category for token in words[:2]] == [WordCategory.NOT, WordCategory.RELATION]
@@ -181,6 +181,19 @@ def _names_any_spot(words: Sequence[Token]) -> bool:
         token.category is WordCategory.SPOT for token in words[1:4]
     ):
         return False
+    return _only_praises(words)
+
+
+def _names_any_place(words: Sequence[Token]) -> bool:
+    """Return whether words leave a place open but for its side or vehicle: "somewhere on the left after the bus"."""
+    places = (*_PLACES, WordCategory.SUB, WordCategory.SIDE)
+    begins = [token.category for token in words[:1]] == [WordCategory.HERE] and not words[0].value
+    placed = len(words) > 2 and words[1].category in places and any(one.category in HEADS for one in words[2:])
+    return begins and placed and _only_praises(words)
+
+
+def _only_praises(words: Sequence[Token]) -> bool:
+    """Return whether words have no predicate, or end with praise: "is fine"."""
     predicates = [i for i, token in enumerate(words) if token.category in _PREDICATES]
     praises = all(words[i].category in _PRAISE for i in predicates)
     return not predicates or (praises and len(words) <= predicates[-1] + 2)
