@@ -78,6 +78,11 @@ LANDMARK_KINDS: dict[str, str] = {
     **dict.fromkeys(("stop_sign",), "stop sign"),
     **dict.fromkeys(("junction", "intersection", "crossroad", "crossroads", "t_junction", "roundabout"), "junction"),
     **dict.fromkeys(("corner", "street_corner", "bend", "curve"), "junction"),
+    **{
+        f"end_of_{the}_{road}": "junction"
+        for the in ("the", "this", "that", "our", "my")
+        for road in ("road", "street", "lane", "alley", "block", "avenue")
+    },
     **dict.fromkeys(("car_park", "parking_lot", "parking_area", "parking_garage"), "car park"),
 }
 # Colour word -> basic colour.

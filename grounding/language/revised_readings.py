@@ -44,8 +44,9 @@ def evidence_of(reading: Reading) -> Evidence:
     beside = [one for one in reading.steps if one.referent and not _is_main(one, reading.query)]
     others = tuple(one.referent for one in beside if one.referent)
     places = tuple({"overtake": "past"}.get(one.action or "", one.relation) for one in beside)
+    turns = tuple(one.direction for one in reading.steps if one.direction not in (None, reading.query.direction))
     dropped, corrected = len(reading.dropped), len(reading.corrections)
-    return Evidence(dropped, corrected, doubtful, unknown, len(words), contrary, others, places)
+    return Evidence(dropped, corrected, doubtful, unknown, len(words), contrary, others, places, turns)
 
 
 def _negates(token: Token) -> bool:

@@ -82,10 +82,12 @@ def score_objects(query: Query, referent: Referent, scene: SceneModel) -> Refere
 
 def note_unmapped(query: Query, scene: SceneModel) -> tuple[str, ...]:
     """Return a sentence for each thing in a query that the map does not hold, such as a tree."""
-    # The place itself is measured from a landmark of the goal: whether the map holds it is told with the place.
-    measured = query.landmark == "secondary"
+    # Of the goal, those are told that only describe it: "in the shade". Others are answered where it is planned.
+    described = ("in", "on") if query.landmark != "secondary" else ()
     parts: list[Landmark | Exclusion] = [
-        part for part in query.secondary if part.of != "goal" or not (measured or part.noun in LANDMARK_KINDS)
+        part
+        for part in query.secondary
+        if part.of != "goal" or (part.relation in described and part.noun not in (*LANDMARK_KINDS, "lane"))
     ]
     unknown = (part for part in (*parts, *query.excluded) if part.noun not in KNOWN_NOUNS)
     names = dict.fromkeys(part.noun.replace("_", " ") for part in unknown if not _is_on_map(part, scene))

@@ -55,6 +55,7 @@ class Evidence(NamedTuple):
         contrary: whether it negates, excepts or corrects something.
         others: vehicles of its other steps.
         places: relations to these vehicles.
+        turns: directions of its other steps.
     """
 
     dropped: int = 0
@@ -65,6 +66,7 @@ class Evidence(NamedTuple):
     contrary: bool = False
     others: tuple[Referent, ...] = ()
     places: tuple[str, ...] = ()
+    turns: tuple[str, ...] = ()
 
     @property
     def whole(self) -> bool:
@@ -191,6 +193,8 @@ def _by_network(query: Query, evidence: Evidence, prediction: Prediction) -> Que
         values["noun"] = NONE
     if evidence.whole and query.landmark == "secondary" and query.referent is None and values["relation"] == NONE:
         values["relation"] = query.relation  # the words name the landmark: "stay in this lane until the junction"
+    if query.direction is not None and values["direction"] in evidence.turns:
+        values["direction"] = query.direction  # "left and then the second right": it knows one direction
     values = _without_others(query, evidence, _in_words_of(query, values))
     read = _with_values(query, values, prediction, evidence.others)
     if evidence.whole and query.referent is not None and read.referent is not None:  # it moves as is said

@@ -89,16 +89,25 @@ def _is_contained(step: Query, steps: Sequence[tuple[bool, Query]], at: int) -> 
         through = step.landmark is None and step.referent is None and not sides
         through = through and all(one.relation == "into" for one in step.secondary)
         crosses = through and later[0].landmark == "secondary"  # what lies beyond is counted from there
-        return bare or crosses or _same_vehicle(step, later[0]) or measures
+        stops = len(steps) == 2 and steps[at + 1][0] and _stops_there(step, later[0])
+        return bare or crosses or _same_vehicle(step, later[0]) or measures or stops
     if step.direction == "around" and step.referent is None and not step.secondary:  # "turn around and go back"
         kept = [*steps[:at], *((is_main, other) for is_main, other in steps[at + 1 :] if is_main)]
         return any(other.direction == "around" for _, other in kept)
+    if at > 0 and _stops_there(steps[at - 1][1], step):
+        return True
     said_in_full = bool(later) and later[0].action == step.action  # "find a place to park behind the van"
     return (
         bare
         and step.action in _STANDING
         and (said_in_full or any(other.action in _STANDING for _, other in steps[:at]))
     )
+
+
+def _stops_there(step: Query, following: Query) -> bool:
+    """Return whether a step only ends where the one before leads: "drive up to the van and stop"."""
+    leads = step.action == "approach" and (step.referent is not None or step.landmark == "secondary")
+    return leads and following == Query(following.command, "stop", ("stop",))
 
 
 def _same_vehicle(one: Query, other: Query) -> bool:

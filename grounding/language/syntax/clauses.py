@@ -112,7 +112,7 @@ def split_clauses(tokens: Sequence[Token]) -> list[Clause]:
             close()
             # A comma ends the clause of "when it leaves, ..."; "so that, ..." keeps its connective.
             connective = "" if clauses and clauses[-1].tokens else connective
-        elif token.category is WordCategory.THEN:
+        elif token.category is WordCategory.THEN or (token.category is WordCategory.AND and _names_turn(rest)):
             close()
             connective = "then"
         elif token.category in _COORDINATORS:
@@ -154,6 +154,12 @@ def _as_relation(token: Token) -> Token:
 def _ends_with_between_ego(current: Sequence[Token]) -> bool:
     """Return whether "and" continues "between us": "until the gap between us and the van is bigger"."""
     return [token.category for token in current[-2:]] == [WordCategory.BETWEEN, WordCategory.EGO]
+
+
+def _names_turn(rest: Sequence[Token]) -> bool:
+    """Return whether a next turn follows: "the first left and | the second right"."""
+    named = [token.category for token in rest if token.category is not WordCategory.THE][:2]
+    return named == [WordCategory.BRANCH, WordCategory.DIRECTION]
 
 
 def _begins_clause(rest: Sequence[Token]) -> bool:

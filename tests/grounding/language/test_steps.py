@@ -128,3 +128,33 @@ def test_past_a_vehicle_without_another_place_is_one_step(text: str) -> None:
 def test_a_stop_until_an_event_comes_before_the_wait() -> None:
     steps = parse("pull over until the fire engine has passed").steps
     assert [(step.action, step.trigger) for step in steps] == [("pull_over", None), ("wait", "pass")]
+
+
+@pytest.mark.parametrize(
+    ("text", "turns"),
+    [
+        ("take the second left and the first right", [("left", 2), ("right", 1)]),
+        ("make a right and then the third left", [("right", None), ("left", 3)]),
+    ],
+)
+def test_each_turn_keeps_its_side_and_number(text: str, turns: list[tuple[str, int | None]]) -> None:
+    assert [(step.direction, step.count) for step in parse(text).steps] == turns
+
+
+@pytest.mark.parametrize("text", ["go up to the blue van and stop", "head to the bus and then stop"])
+def test_a_bare_stop_ends_where_the_step_before_leads(text: str) -> None:
+    steps = parse(text).steps
+    assert len(steps) == 1
+    assert steps[0].referent is not None
+
+
+def test_the_end_of_the_road_is_a_landmark() -> None:
+    reading = parse("pull up at the end of our street")
+    assert [part.noun for part in reading.query.secondary] == ["end_of_our_street"]
+    assert not reading.dropped
+
+
+def test_crossing_to_the_other_side_has_a_side() -> None:
+    reading = parse("cross over to the far side of the road and pull over")
+    assert reading.query.road_side == "opposite"
+    assert not reading.dropped

@@ -159,7 +159,7 @@ def handle_side(state: DiscourseState, token: Token) -> None:
     if _qualify_open_phrase(state, token):
         return
     if value in _SIDES_BY_TRAFFIC:
-        verbs = (*_STANDING, "take", *(_MOVING if value == "opposite" else ()))
+        verbs = (*_STANDING, "take", *((*_MOVING, "other") if value == "opposite" else ()))
         if state.frame is not None and state.frame.verb_class in verbs and not state.negated:
             state.frame.side = state.frame.side or _SIDES_BY_TRAFFIC[value]
         return
