@@ -151,7 +151,7 @@ COMMANDS = {
 KEPT = {
     "yo pull in back of that amazon van real quick": "stop behind [van]",
     "dump me at the corner past the taco place": "stop at",
-    "At the end of the road turn left": "turn none left",
+    "At the end of the road turn left": "turn at left",
     "When it's safe, move off and follow the bus": "follow none [bus]",
     "I'd like you to reverse into the bay next to the blue hatchback": "park next_to [car blue]",
     "Give the horse plenty of room when you pass": "avoid none",
