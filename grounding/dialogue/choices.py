@@ -11,7 +11,8 @@ from grounding.answer import Answer
 from grounding.answering import accept_proposal, without
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import any_of, find_fitting, reading_of, without_qualifiers
-from grounding.dialogue.telling.phrases import said
+from grounding.dialogue.telling.measures import gap_ends_m
+from grounding.dialogue.telling.phrases import ask, said
 from grounding.dialogue.telling.reports import ask_again, cancel, inform, keep, not_understood
 from grounding.query import Referent
 from grounding.referent.resolver import Candidate, resolve
@@ -48,13 +49,44 @@ def confirm(talk: Conversation, text: str) -> Answer:
 
 
 def take_any(talk: Conversation, text: str) -> Answer:
-    """Take the best candidate of the open question, on our side if there is one: "whichever is easier"."""
+    """Take a candidate of the open question that has a place: "whichever is easier"."""
     question, request = talk.state.question, talk.state.request
     if question is None or request is None or not question.candidates:
         return confirm(talk, text)
-    on_our_side = reading_of(Referent("vehicle", "one", qualifiers=("own_side",)))
-    ours = find_fitting(on_our_side, question.candidates, talk.scene)
-    return talk.choose((ours or question.candidates)[0], request, text)
+    return take_best(talk, question.candidates, replace(request, reading=said(request.reading, text)))
+
+
+def take_roomiest(talk: Conversation, text: str) -> Answer:
+    """Take the candidate of the open question at which there is most room: "whichever has more space behind it"."""
+    question, request = talk.state.question, talk.state.request
+    if question is None or request is None or len(question.candidates) < 2:
+        return take_any(talk, text)
+    request = replace(request, reading=said(request.reading, text))
+    ordered = _ours_first(talk, question.candidates)
+    targets = [_goal_at(talk, one, request).target for one in ordered]
+    rooms = [sum(gap_ends_m(one, talk.scene)) if one is not None else -1.0 for one in targets]
+    answer = talk.choose(ordered[rooms.index(max(rooms))], request)
+    reason = f"of the {len(rooms)} it has most room" if max(rooms) >= 0 else "there is room at none of them"
+    return replace(answer, reasons=(reason, *answer.reasons))
+
+
+def take_best(talk: Conversation, candidates: Sequence[Candidate], request: Request) -> Answer:
+    """Take one of several candidates that will do: one with a place, on our side if there is one."""
+    ordered = _ours_first(talk, candidates)
+    placed = (one for one in ordered if _goal_at(talk, one, request).status == "ok")
+    return talk.choose(next(placed, ordered[0]), request)
+
+
+def _ours_first(talk: Conversation, candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return candidates with those first that are on our side of the road."""
+    on_our_side = reading_of(Referent("vehicle", "one", qualifiers=("own_side",), anaphora=True))
+    ours = find_fitting(on_our_side, candidates, talk.scene)
+    return [*ours, *(one for one in candidates if one not in ours)]
+
+
+def _goal_at(talk: Conversation, candidate: Candidate, request: Request) -> Answer:
+    """Return the answer to a step if a candidate is meant."""
+    return talk.answer_steps(talk.state.with_request(replace(request, chosen=candidate)), talk.state.at)
 
 
 def go_back(talk: Conversation, text: str, described: Referent | None = None, number: int | None = None) -> Answer:
@@ -145,15 +177,22 @@ def take_next(talk: Conversation, text: str, sign: float) -> Answer:
 
 
 def take_none(talk: Conversation, text: str) -> Answer:
-    """Look for a vehicle that was not offered, or drop the one that was chosen of several: "neither"."""
-    state = talk.state
-    if state.question is None and len(state.offered) > 1:
+    """Ask about the vehicles that were not offered, or drop the goal where nothing is asked: "neither"."""
+    state, request = talk.state, talk.state.request
+    if state.question is None:
         return cancel(talk, text)
-    if state.question is None or len(state.question.candidates) < 2:
+    if request is None or len(state.question.candidates) < 2:
         return take_other(talk, text)
-    reason = f"none of these {len(state.question.candidates)} then: which vehicle is meant?"
-    talk.state = replace(state, rejected=state.rejected | {one.item.id for one in state.question.candidates})
-    return replace(ask_again(talk, text), reasons=(reason,))
+    rejected = state.rejected | {one.item.id for one in state.question.candidates}
+    talk.state = replace(state, rejected=rejected)
+    found = resolve(request.query, without(talk.scene, rejected))
+    left = found.candidates if found.status == "ambiguous" else found.candidates[: found.status == "ok"]
+    if not left:
+        reason = f"none of these {len(state.question.candidates)} then: which vehicle is meant?"
+        return replace(ask_again(talk, text), reasons=(reason,))
+    asked = ask(left, said(request.reading, text), talk.scene)
+    asked = replace(asked, reasons=(f"none of these {len(state.question.candidates)} then",))
+    return talk.settle(talk.state.with_request(request), asked)
 
 
 def take_other(talk: Conversation, text: str) -> Answer:

@@ -180,7 +180,9 @@ def _answer_each(talk: Conversation, parts: Sequence[Part], reasons: bool = True
     until = talk.state
     for i, one in enumerate(parts):
         before = talk.state
-        replaced = one.act == "cancel" and any(later.act in _CHANGING for later in parts[i + 1 :])
+        later = parts[i + 1 :]
+        replaced = one.act == "cancel" and any(other.act in _CHANGING for other in later)
+        replaced = replaced or (one.act == "neither" and any(other.asks for other in later))
         if one.is_chat or (one.is_reply and several) or replaced:
             notice(talk, one.text)
         elif one.is_aside:

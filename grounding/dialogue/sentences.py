@@ -28,6 +28,7 @@ from grounding.dialogue.choices import (
     take_next,
     take_none,
     take_other,
+    take_roomiest,
 )
 from grounding.dialogue.commands import answer_command, ask_to_stop
 from grounding.dialogue.conversation import Conversation
@@ -91,6 +92,7 @@ _ACTS: Mapping[str, Callable[[Conversation, str], Answer]] = {
     "remark": remember,
     "pause": pause,
     "any": take_any,
+    "roomiest": take_roomiest,
     "undo": go_back,
     "about": tell_vehicle,
     "following": partial(take_next, sign=1.0),
@@ -108,6 +110,8 @@ _ACTS: Mapping[str, Callable[[Conversation, str], Answer]] = {
 _WITHOUT_COMMAND = ("seen", "cancel")
 # Replies that hold where what follows is not understood: "cancel, I'm taking a call first".
 _BEFORE_REASONS = ("cancel", "any", "yes", "neither", "thanks", "undo", "why")
+# Replies that give up the goal in force: "neither, keep going".
+_GIVING_UP = frozenset(("cancel", "neither"))
 # Manoeuvres that only the grammar knows: "a bit faster" is no shift.
 _OF_THE_GRAMMAR = (*REFUSED, "faster")
 # "Then put me behind the van instead" is no further step.
@@ -134,9 +138,9 @@ def answer_sentence(talk: Conversation, text: str) -> Answer:
         return told
     talk.state = before
     reply = read_reply(text, talk.grounder.lexicon)
-    ends = stands(before) or (before.goal is not None and "cancel" in reply.kinds)
+    ends = stands(before) or (before.goal is not None and not _GIVING_UP.isdisjoint(reply.kinds))
     if ends and talk.read(text).query.manoeuvre == "onward":
-        return answer_command(talk, text, text)  # "carry on" ends a wait, "never mind, keep driving" any plan
+        return answer_command(talk, text, reply.rest or text)  # "carry on" ends a wait, "neither, keep going" a plan
     guess = read_turn(talk, text, reply)
     turn = guess if guess is not None and guess.is_sure else None
     answer = _answer_turn(talk, text, reply, turn) if turn else None

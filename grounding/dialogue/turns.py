@@ -55,6 +55,8 @@ _FEWEST_WORDS = 3
 _HEARD_NUMBERS = {"won": 1, "too": 2, "to": 2, "for": 4, "fore": 4, "ate": 8}
 # Kinds of the patterns of replies that have another name as acts.
 ACTS_OF_KINDS = {"thanks": "remark", "former": "number", "latter": "number"} | dict.fromkeys(SHIFTS, "shift")
+# Kinds that the network has not learnt.
+_UNLEARNT = ("roomiest",)
 
 
 @dataclass(frozen=True)
@@ -261,7 +263,7 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
         reply: the turn as the patterns of replies split it.
     """
     tokens, prediction = predict_turn(talk, text, reply)
-    if prediction is None:
+    if prediction is None or (reply.kinds[-1:] and reply.kinds[-1] in _UNLEARNT):
         return None
     reading = talk.read(reply.rest or text)
     own = own_act(reply, reading)

@@ -59,8 +59,8 @@ def approaches(item: SceneObject) -> bool:
     return bool(moves and abs(wrap_angle(item.yaw_rad - towards_rad)) < _ALONG_RAD)
 
 
-def describe_gap(goal: Target, scene: SceneModel) -> str:
-    """Tell the gap in line with a goal: how long it is, and what is left before and behind us."""
+def gap_ends_m(goal: Target, scene: SceneModel) -> tuple[float, float]:
+    """Return how much of the gap in line with a goal is left before and behind us; at most `_GAP_M` each."""
     forward = np.array([np.cos(goal.heading_ego_rad), np.sin(goal.heading_ego_rad)])
     left = np.array([-forward[1], forward[0]])
     before_m, behind_m = _GAP_M, _GAP_M
@@ -68,9 +68,15 @@ def describe_gap(goal: Target, scene: SceneModel) -> str:
         offset = item.footprint() - goal.ego_m
         along, across = offset @ forward, offset @ left
         if across.min() < goal.ego.width_m / 2 and across.max() > -goal.ego.width_m / 2:
-            gap_m = max(along.min(), -along.max()) - goal.ego.length_m / 2
+            gap_m = float(max(along.min(), -along.max())) - goal.ego.length_m / 2
             before_m = min(before_m, gap_m) if along.mean() > 0 else before_m
             behind_m = min(behind_m, gap_m) if along.mean() <= 0 else behind_m
+    return before_m, behind_m
+
+
+def describe_gap(goal: Target, scene: SceneModel) -> str:
+    """Tell the gap in line with a goal: how long it is, and what is left before and behind us."""
+    before_m, behind_m = gap_ends_m(goal, scene)
     ends = [_tell_rest(before_m, "in front of us"), _tell_rest(behind_m, "behind us")]
     if max(before_m, behind_m) < _GAP_M:
         length = before_m + behind_m + goal.ego.length_m
