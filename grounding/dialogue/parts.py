@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
+from grounding.dialogue.listed import answer_listed
 from grounding.dialogue.plans.steps import edit_steps
 from grounding.dialogue.plans.waits import answer_wait
 from grounding.dialogue.sentences import answer_sentence, is_misunderstood
@@ -138,7 +139,7 @@ def answer_turn(talk: Conversation, text: str) -> Answer:
         if talk.state.goal is not None and talk.state.question is None:
             return inform(talk, text, f"it is possible, so '{fallback}' is not needed")
         return answer_turn(talk, fallback)
-    if answer := edit_steps(talk, text) or answer_wait(talk, text):
+    if answer := answer_listed(talk, text) or edit_steps(talk, text) or answer_wait(talk, text):
         return answer
     before = talk.state
     parts = [] if talk.is_opening else _sentences_of(talk, text)

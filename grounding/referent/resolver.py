@@ -218,6 +218,15 @@ def with_partner(chosen: Candidate, query: Query, scene: SceneModel) -> Candidat
     return _candidates(ours[:1], scene, scores)[0] if ours else chosen
 
 
+def word_probabilities(query: Query, scene: SceneModel) -> dict[str, float]:
+    """Return id -> probability of each object that matches the referent's words; no prior counts."""
+    sought = with_sought_referent(query)
+    if sought.referent is None or _explain_absence(sought.referent, scene):
+        return {}
+    scores = score_objects(sought, sought.referent, scene)
+    return {scene.table.items[row].id: float(scores.probability[row]) for row in np.flatnonzero(scores.matches)}
+
+
 def find_all(referent: Referent, scene: SceneModel) -> tuple[SceneObject, ...]:
     """Return all objects that a description fits without doubt, nearest first."""
     if _explain_absence(referent, scene):
