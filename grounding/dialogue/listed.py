@@ -33,6 +33,8 @@ from grounding.vocabulary import POSITIONS
 # Between the parts of an answer, and before what is not meant: "the white one not on the left".
 _PART = re.compile(r"\s*[,.;!?]+\s*|\s+-+\s+|\s+but\s+(?!one\b)|(?<! is)(?<! are)\s+(?=not\s)")
 _MOST_PARTS = 5
+# "That one on the left" is described as "the one" is.
+_POINTING = re.compile(r"^(?:that|this) (?=one\b)")
 # Replies that open a description, and those that leave the choice among the candidates of the other parts.
 _OPENING, _OPEN = frozenset(("yes", "no", "meant", "pause", "thanks", "aside")), ("other", "any")
 # Chat beside a description, and its least probability.
@@ -194,7 +196,8 @@ def _read_part(talk: Conversation, part: str) -> Description | None:
         return Description(number=number, negated=True)
     asked = talk.antecedent
     like = Referent(asked.noun, asked.head) if asked is not None else Referent("vehicle", "one")
-    reading = read_description(words, like, talk.readings, whole=True) if words else None
+    described = _POINTING.sub("the ", words)
+    reading = read_description(described, like, talk.readings, whole=True) if words else None
     if reading is not None and not any(one.category is WordCategory.PRONOUN for one in reading.tokens):
         return Description(reading, negated=negated, words=words)
     if not reply.rest and reply.kinds and {*reply.kinds} <= {*_OPENING, *_OPEN}:

@@ -110,7 +110,7 @@ _ACTS: Mapping[str, Callable[[Conversation, str], Answer]] = {
 _WITHOUT_COMMAND = ("seen", "cancel")
 # Replies that hold where what follows is not understood: "cancel, I'm taking a call first".
 _BEFORE_REASONS = ("cancel", "any", "yes", "neither", "thanks", "undo", "why")
-# Replies that give up the goal in force: "neither, keep going".
+# Replies that give up the goal or the question: "neither, keep going".
 _GIVING_UP = frozenset(("cancel", "neither"))
 # Manoeuvres that only the grammar knows: "a bit faster" is no shift.
 _OF_THE_GRAMMAR = (*REFUSED, "faster")
@@ -138,7 +138,7 @@ def answer_sentence(talk: Conversation, text: str) -> Answer:
         return told
     talk.state = before
     reply = read_reply(text, talk.grounder.lexicon)
-    ends = stands(before) or (before.goal is not None and not _GIVING_UP.isdisjoint(reply.kinds))
+    ends = stands(before) or not (talk.is_opening or _GIVING_UP.isdisjoint(reply.kinds))
     if ends and talk.read(text).query.manoeuvre == "onward":
         return answer_command(talk, text, reply.rest or text)  # "carry on" ends a wait, "neither, keep going" a plan
     guess = read_turn(talk, text, reply)
