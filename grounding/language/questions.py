@@ -18,7 +18,7 @@ from grounding.language.syntax.word_categories import MODIFIERS, NOUNS, WordCate
 _FILE = "questions.txt"
 _LIMIT = "limit: "
 # Sections that tell how a question begins, and words that name no thing; the others are kinds.
-_FRAME = ("lead", "indirect", "asking", "marked", "wish", "elsewhere", "empty", "edge")
+_FRAME = ("lead", "indirect", "asking", "marked", "wish", "clause", "elsewhere", "empty", "edge")
 # Kinds that only tell more of another one.
 _FURTHER = ("slow", "who", "together", "people")
 # Kinds whose words describe a thing if its noun follows: "the moving van", "the light green car".
@@ -38,8 +38,10 @@ _MARKS = ".;!?,"
 # choice after a comma.
 _OF_OPTIONS = ("distance", "measured", "size", "description", "facing", *_MOTION, "place", "exists", "what", "which")
 _CHOICE, _MAX_OFFERED = ("is", "are", "was", "were"), 10
-# Most words before a question that is told by another one: "my daughter wants to know".
+# Most words before a question that is told by another one: "my daughter wants to know"; its own first words, before
+# which a statement's order of words is a question: "tell me what we are doing".
 _MAX_BEFORE = 3
+_EMBEDDED = ("if", "whether", "where", "when", "what", "which", "who", "how", "why")
 
 
 @dataclass(frozen=True)
@@ -138,7 +140,7 @@ def _start(words: tuple[str, ...]) -> int | None:
     start, marked = _skip_lead(words, 0), words[-1:] == ("?",)
     for at in range(start, min(start + _MAX_BEFORE + 1, len(words))):
         if (told := _end("indirect", words, at)) and (begun := _skip_lead(words, told)) < len(words):
-            embedded = words[begun] in ("if", "whether", "where", "when")
+            embedded = words[begun] in _EMBEDDED
             return begun if embedded and not _end("wish", words, begun) else _start_here(words, begun, marked)
     return _start_here(words, start, marked)
 
@@ -146,8 +148,9 @@ def _start(words: tuple[str, ...]) -> int | None:
 def _start_here(words: tuple[str, ...], start: int, marked: bool) -> int | None:
     """Return the start if a question begins there; "why, ..." is an interjection."""
     asks = _end("asking", words, start) or (marked and _end("marked", words, start))
-    wishes = _end("wish", words, start) and not (marked and words[start : start + 2] in _WHICH)
-    return start if asks and words[asks : asks + 1] != (",",) and not wishes else None
+    clause = _end("clause", words, start) and not (marked and words[start : start + 2] in _WHICH)
+    asks = 0 if clause or _end("wish", words, start) else asks
+    return start if asks and words[asks : asks + 1] != (",",) else None
 
 
 def _says_more(words: tuple[str, ...]) -> bool:

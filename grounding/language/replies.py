@@ -25,7 +25,7 @@ _COMPARATIVES = ("nearest", "farthest", "largest", "smallest")
 _PLAN_KINDS = (
     *("dropping", "rejecting", "dropped", "keeping", "rest", "stop", "step", "being", "swapping", "both", "visiting"),
     *("untilword", "telling", "awaited", "till", "supposed", "passed", "return", "beforehand", "beforethat"),
-    "starting",
+    *("starting", "retelling"),
 )
 _WORD_KINDS = ("skip", "tail", *_COMPARATIVES, *_PLAN_KINDS)
 # Replies that only open a sentence about a plan: "no wait, forget the stop", "ok and go on then".

@@ -74,7 +74,7 @@ def _answer_wait(talk: Conversation, text: str, last: str) -> Answer | None:
     """Answer the last sentence of a turn."""
     lexicon, steps = talk.grounder.lexicon, talk.state.steps
     words = words_after_opening(last, lexicon)
-    if words_end("telling", words, 0):
+    if words_end("telling", words, 0) > words_end("retelling", words, 0):
         return _keep(talk, text, "that cannot be done: an answer is given when something is said, and not later")
     if not steps:
         return None
