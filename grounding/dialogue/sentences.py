@@ -65,10 +65,10 @@ from grounding.dialogue.telling.reports import (
     remember,
     tell_goal,
     tell_reasons,
-    tell_room,
     tell_seen,
     tell_vehicle,
 )
+from grounding.dialogue.telling.room import tell_room
 from grounding.dialogue.turns import Turn, read_turn, state_of
 from grounding.goal.shift import Shift
 from grounding.language.reader.fields import NONE, unlearnt_qualifiers

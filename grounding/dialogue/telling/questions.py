@@ -31,14 +31,13 @@ from grounding.dialogue.telling.reports import (
     ask_again,
     count,
     keep,
-    propose,
     tell_goal,
     tell_reasons,
-    tell_room,
     tell_seen,
     tell_vehicle,
     unknown,
 )
+from grounding.dialogue.telling.room import tell_room, tell_spot
 from grounding.dialogue.telling.things import (
     DESCRIBING,
     Things,
@@ -49,12 +48,10 @@ from grounding.dialogue.telling.things import (
     name_unmapped,
     names_thing,
 )
-from grounding.language import Reading
 from grounding.language.questions import Question, read_question
-from grounding.query import Query, Referent
+from grounding.query import Referent
 from grounding.referent.resolver import MAX_CANDIDATES, find_all, resolve
 from grounding.referent.scene import SceneModel
-from grounding.requests import Request
 from grounding.scene_object import SceneObject
 
 # Centres of vehicles next to each other are at most this far apart.
@@ -228,7 +225,7 @@ def _tell_sure(talk: Conversation, text: str, question: Question) -> Answer | No
 
 
 def _tell_spot(talk: Conversation, text: str, question: Question) -> Answer:
-    return propose(talk, text, [Request(reading=Reading(Query(text, "park", ("park",))))])
+    return tell_spot(talk, text, question.words)
 
 
 def _tell_room(talk: Conversation, text: str, question: Question) -> Answer | None:

@@ -10,14 +10,14 @@ from grounding.answer import Answer
 from grounding.describe import describe_object
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import any_of, find_fitting, reading_of
-from grounding.dialogue.fragments import complete, names_pronoun, only_named, read_description
+from grounding.dialogue.fragments import only_named, read_description
 from grounding.dialogue.telling.phrases import ask, describe_goal, said
 from grounding.language import Reading
 from grounding.language.problems import ANSWERABLE
 from grounding.language.questions import read_question
 from grounding.query import Query
-from grounding.referent.resolver import MAX_CANDIDATES, Candidate, find_all, resolve
-from grounding.requests import Request, requests_of
+from grounding.referent.resolver import MAX_CANDIDATES, find_all, resolve
+from grounding.requests import requests_of
 from grounding.scene_object import SceneObject
 
 # What neither the scene nor the plan tells.
@@ -158,51 +158,6 @@ def tell_seen(talk: Conversation, text: str) -> Answer:
         return ask_again(talk, text)
     named = [word for word in re.findall("[a-z]+", text.lower()) if word in _SEEN]
     return count(talk, text, named[0] if named else "vehicles")
-
-
-def tell_room(talk: Conversation, text: str, words: str) -> Answer:
-    """Tell whether there is a place; "do it" takes it then: "can we fit behind the red car?"."""
-    base = talk.state.request.query if talk.state.request else Query("", "park")
-    reading = complete(words, base, talk.antecedent, talk.readings)
-    if reading is None:
-        return _tell_room_in_force(talk, text, words)
-    chosen = talk.meant if names_pronoun(reading) else None
-    query = replace(said(reading, text).query, action=base.action or "park")
-    return propose(talk, text, [replace(one, chosen=chosen) for one in requests_of(reading.with_query(query))])
-
-
-def _tell_room_in_force(talk: Conversation, text: str, words: str) -> Answer:
-    """Tell whether there is room at the goal, or why a place is asked about; another vehicle is no goal."""
-    question, goal = talk.state.question, talk.state.goal
-    if question is not None and question.plan.question:
-        return replace(ask_again(talk, text), reasons=("no", *question.reasons))
-    if question is not None and question.question and question.candidates and talk.state.request is not None:
-        return _tell_room_at_each(talk, text, talk.state.request, question.candidates)
-    described = read_description(words, talk.antecedent, talk.readings)
-    named = described.query.referent if described is not None else None
-    if goal is None or question is not None or (named is not None and not named.anaphora):
-        return not_understood(talk, text, talk.read(text))
-    return inform(talk, text, "yes: there is room for us at the goal")
-
-
-def _tell_room_at_each(talk: Conversation, text: str, request: Request, candidates: Sequence[Candidate]) -> Answer:
-    """Tell whether there is room at each of the vehicles of the open question, which stays open."""
-    told = list[str]()
-    for one in candidates:
-        answer = talk.answer_steps(talk.state.with_request(replace(request, chosen=one)), talk.state.at)
-        room = "yes" if answer.status == "ok" else "no"
-        told.append(f"{room}, if the {describe_object(one.item, talk.scene)} is meant")
-    return aside(talk, text, *told)
-
-
-def propose(talk: Conversation, text: str, requests: Sequence[Request]) -> Answer:
-    """Tell whether there is a place; "do it" takes it then."""
-    answer = talk.answer_steps(requests)
-    if answer.status != "ok":
-        return inform(talk, text, "no", *answer.reasons)
-    asked = replace(answer, status="ambiguous", alternatives=(answer,))
-    talk.state = replace(talk.state, question=asked, asked=tuple(requests), at=0)
-    return inform(talk, text, "yes", *answer.reasons)
 
 
 def notice(talk: Conversation, words: str) -> None:

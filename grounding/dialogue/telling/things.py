@@ -23,7 +23,7 @@ _MOST_TOLD = 3
 # Words for vehicles and people, and all words that describe a thing, besides its place.
 NAMING = (WordCategory.NOUN, WordCategory.MAKE, WordCategory.MODEL, WordCategory.PERSON, WordCategory.COLOUR)
 _EMPTY = (WordCategory.ONE, WordCategory.THE)
-_POINTING = (WordCategory.PRONOUN, WordCategory.THAT)
+POINTING = (WordCategory.PRONOUN, WordCategory.THAT)
 # Words for what is neither a vehicle nor a person, and words after which another thing is named.
 _UNMAPPED, _BEFORE_OTHERS = (WordCategory.THING, WordCategory.PART), (WordCategory.RELATION, WordCategory.WHERE)
 DESCRIBING = (*NAMING, WordCategory.ONE, WordCategory.SUPERLATIVE, WordCategory.ORDINAL)
@@ -71,7 +71,7 @@ def describe_thing(talk: Conversation, words: str) -> Reading | None:
     # "What vans are there?" after "the yellow van": a noun is not like what was spoken of, "the red one" is.
     tokens = talk.read(words).tokens
     nouns = any(one.category in (WordCategory.NOUN, WordCategory.PERSON) for one in tokens)
-    points = any(one.category in _POINTING for one in tokens)  # "vehicles behind it"
+    points = any(one.category in POINTING for one in tokens)  # "vehicles behind it"
     if reading := read_description(words, None if nouns and not points else talk.antecedent, talk.readings):
         return reading
     named = only_named(talk.read(words).tokens)  # "it the blue car"
@@ -105,7 +105,7 @@ def describe_any(talk: Conversation, words: str) -> Reading | None:
 def find_by_it(talk: Conversation, words: str, reading: Reading) -> Resolution | None:
     """Find what is described by its place at the vehicle in talk: "the one in front of it"; None for other words."""
     named, by = reading.query.referent, [one for one in reading.query.secondary if one.of == "referent"]
-    points = any(one.category in _POINTING for one in talk.read(words).tokens)
+    points = any(one.category in POINTING for one in talk.read(words).tokens)
     if talk.meant is None or named is None or len(by) != 1 or not points:
         return None
     table = talk.scene.table
@@ -130,7 +130,7 @@ def find_things(talk: Conversation, question: Question) -> Things:
     reading = describe_thing(talk, question.words) or _describe_one_at(talk, question.words)
     if reading is None:
         tokens = talk.read(question.words).tokens if question.words else ()
-        points = any(one.category in _POINTING for one in tokens)
+        points = any(one.category in POINTING for one in tokens)
         of_us = question.of_us and not points
         return Things() if of_us or talk.meant is None else Things((talk.meant,))
     spoken_of = None if reading.query.secondary else talk.in_focus(reading.query)

@@ -64,7 +64,7 @@ def test_a_question_about_the_place_in_force() -> None:
     session = row()
     goal = session.goal
     answer = session.say("is there enough room there?")
-    assert (answer.status, answer.reasons) == ("ok", ("yes: there is room for us at the goal",))
+    assert (answer.status, answer.reasons[0]) == ("ok", "yes: there is room for us at the goal")
     assert session.goal is goal
 
 

@@ -39,3 +39,49 @@ def test_the_plan_is_told_again(question: str) -> None:
 
 def test_a_time_in_the_order_of_a_statement_is_told() -> None:
     assert "the way to the goal is" in told(park(), "do you know how long that will take")
+
+
+@pytest.mark.parametrize(
+    ("question", "expected"),
+    [
+        ("are there any free bays by the white car?", "'white car'"),
+        ("can you see an empty spot behind the white car", "is behind it"),
+        ("is there anywhere to park in front of the blue car", "is in front of it"),
+        ("any gaps on the right?", "right edge of the road"),
+        ("is the gap between the blue car and the white car big enough", "between"),
+    ],
+)
+def test_a_free_place_is_told_and_can_be_taken(question: str, expected: str) -> None:
+    session = drive()
+    answer = told(session, question)
+    assert answer.startswith("yes")
+    assert expected in answer
+    assert session.say("okay, do that").target is not None
+
+
+@pytest.mark.parametrize(
+    ("question", "left_out"),
+    [
+        ("will the cab really fit in there", ""),
+        ("do you think this thing fits", ""),
+        ("is there enough space there for a trolley", "left out: 'trolley'"),
+    ],
+)
+def test_room_at_the_goal_is_told_with_its_length(question: str, left_out: str) -> None:
+    answer = told(park(), question)
+    assert answer.startswith("yes: there is room for us at the goal")
+    assert "the gap is 9.6 m long" in answer
+    assert ("left out" in answer) == bool(left_out)
+    assert left_out in answer
+
+
+def test_room_is_told_for_each_vehicle_that_a_question_may_mean() -> None:
+    session = (
+        Street().car("near", 14, -6, WHITE).car("wall", 8, -6, BLACK).car("far", 30, -6, WHITE).grounder().session()
+    )
+    answer = session.say("is there a free space behind the white car?")
+    assert [one.split(",")[0] for one in answer.reasons] == ["no", "yes"]
+
+
+def test_a_place_that_was_not_spoken_of_is_not_known() -> None:
+    assert "not known here: which place is meant" in told(drive(), "is that spot taken?")

@@ -1,0 +1,93 @@
+"""Answers about room for us: at a place that is named, at the goal in force, and where we could stop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from grounding.answer import Answer
+from grounding.describe import describe_object
+from grounding.dialogue.conversation import Conversation
+from grounding.dialogue.fragments import complete, names_pronoun, read_description
+from grounding.dialogue.telling.measures import describe_gap
+from grounding.dialogue.telling.phrases import said
+from grounding.dialogue.telling.reports import aside, ask_again, inform, not_understood, unknown
+from grounding.dialogue.telling.things import POINTING, names_thing
+from grounding.language import Reading, WordCategory
+from grounding.query import Query
+from grounding.referent.resolver import Candidate
+from grounding.requests import STOPS, Request, requests_of
+
+# Words that name no place.
+_EMPTY = (
+    *(*POINTING, WordCategory.THERE, WordCategory.THE, WordCategory.ANY, WordCategory.EGO, WordCategory.POSSESSIVE),
+    *(WordCategory.FILLER, WordCategory.GREETING, WordCategory.AUX),
+)
+
+
+def tell_room(talk: Conversation, text: str, words: str) -> Answer:
+    """Tell whether there is a place; "do it" takes it then: "can we fit behind the red car?"."""
+    base = talk.state.request.query if talk.state.request else Query("", "park")
+    reading = complete(words, base, talk.antecedent, talk.readings)
+    if reading is None:
+        return _tell_in_force(talk, text, words)
+    chosen = talk.meant if names_pronoun(reading) else None
+    query = replace(said(reading, text).query, action=base.action or "park")
+    return propose(talk, text, [replace(one, chosen=chosen) for one in requests_of(reading.with_query(query))])
+
+
+def tell_spot(talk: Conversation, text: str, words: str) -> Answer:
+    """Tell where we could park: at the place that some words name, else anywhere at the edge of the road."""
+    if words and complete(words, Query("", "park"), talk.antecedent, talk.readings) is not None:
+        return tell_room(talk, text, words)
+    return propose(talk, text, [Request(reading=Reading(Query(text, "park", ("park",))))])
+
+
+def propose(talk: Conversation, text: str, requests: Sequence[Request]) -> Answer:
+    """Tell whether there is a place; "do it" takes it then."""
+    answer = talk.answer_steps(requests)
+    if answer.status == "ambiguous" and len(answer.candidates) > 1 and len(requests) == 1:
+        return _tell_at_each(talk, text, requests, answer.candidates)
+    if answer.status != "ok":
+        return inform(talk, text, "no", *answer.reasons)
+    asked = replace(answer, status="ambiguous", alternatives=(answer,))
+    talk.state = replace(talk.state, question=asked, asked=tuple(requests), at=0)
+    return inform(talk, text, "yes", *answer.reasons)
+
+
+def _tell_in_force(talk: Conversation, text: str, words: str) -> Answer:
+    """Tell whether there is room at the goal, or why a place is asked about; another vehicle is no goal."""
+    state = talk.state
+    question, goal = state.question, state.goal
+    if question is not None and question.plan.question:
+        return replace(ask_again(talk, text), reasons=("no", *question.reasons))
+    if question is not None and question.question and question.candidates and state.request is not None:
+        return _tell_at_each(talk, text, state.asked, question.candidates, state.at)
+    described = read_description(words, talk.antecedent, talk.readings) if names_thing(talk, words) else None
+    named = described.query.referent if described is not None else None
+    if question is not None or (named is not None and not named.anaphora):
+        return not_understood(talk, text, talk.read(text))
+    tokens = talk.read(words).tokens if words else ()
+    if goal is None and any(one.category in POINTING for one in tokens):
+        return unknown(talk, text, "which place is meant")
+    unused = " ".join(one.text for one in tokens if one.category not in _EMPTY)
+    left_out = (f"left out: '{unused}'",) if unused else ()
+    if goal is None:
+        told = tell_spot(talk, text, "")
+        return replace(told, reasons=(*told.reasons, *left_out))
+    stands = state.plan[-1].query.action in STOPS
+    gap = (describe_gap(goal.target, talk.scene),) if stands and goal.target is not None else ()
+    return inform(talk, text, "yes: there is room for us at the goal", *gap, *left_out)
+
+
+def _tell_at_each(
+    talk: Conversation, text: str, steps: Sequence[Request], candidates: Sequence[Candidate], at: int = 0
+) -> Answer:
+    """Tell whether there is room at each of the vehicles that one of the steps may mean; an open question stays."""
+    told = list[str]()
+    for one in candidates:
+        chosen = (*steps[:at], replace(steps[at], chosen=one), *steps[at + 1 :])
+        room = "yes" if talk.answer_steps(chosen, at).status == "ok" else "no"
+        names = (describe_object(item, talk.scene) for item in (one.item, one.partner) if item is not None)
+        told.append(f"{room}, if the {' and the '.join(names)} is meant")
+    return aside(talk, text, *told)
