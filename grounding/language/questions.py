@@ -18,9 +18,9 @@ from grounding.language.syntax.word_categories import MODIFIERS, NOUNS, WordCate
 _FILE = "questions.txt"
 _LIMIT = "limit: "
 # Sections that tell how a question begins, and words that name no thing; the others are kinds.
-_FRAME = ("lead", "indirect", "asking", "marked", "wish", "clause", "elsewhere", "empty", "edge")
+_FRAME = ("lead", "indirect", "asking", "marked", "wish", "clause", "elsewhere", "empty", "edge", "end")
 # Kinds that only tell more of another one.
-_FURTHER = ("slow", "who", "together", "people")
+_FURTHER = ("slow", "who", "together", "people", "there", "kerb")
 # Kinds whose words describe a thing if its noun follows: "the moving van", "the light green car".
 _MOTION = ("moving", "standing")
 _ATTRIBUTES = (*_MOTION, _LIMIT)
@@ -89,7 +89,9 @@ def read_question(text: str, lexicon: Lexicon | None = None) -> Question | None:
     words = tuple(word.replace("'", "") for word in written)
     start, comma = _start(words), _comma_before_options(words)
     words, written, offered = words[:comma], written[:comma], written[comma + 1 :]
-    if start is None or _says_more(words[start:]) or _find("elsewhere", words, start, lexicon):
+    if start is None or _says_more(words[start:]):
+        return None
+    if _find("elsewhere", words, max(start, _end("asking", words, start)), lexicon):
         return None
     kinds = (kind for kind in read_sections(_FILE) if kind not in _FRAME)
     spans = {kind: span for kind in kinds if (span := _find(kind, words, start, lexicon))}
@@ -149,7 +151,7 @@ def _start_here(words: tuple[str, ...], start: int, marked: bool) -> int | None:
     """Return the start if a question begins there; "why, ..." is an interjection."""
     asks = _end("asking", words, start) or (marked and _end("marked", words, start))
     clause = _end("clause", words, start) and not (marked and words[start : start + 2] in _WHICH)
-    asks = 0 if clause or _end("wish", words, start) else asks
+    asks = 0 if clause or _end("wish", words, start) >= asks else asks
     return start if asks and words[asks : asks + 1] != (",",) else None
 
 
@@ -210,7 +212,7 @@ def _about(words: tuple[str, ...], written: tuple[str, ...]) -> str:
         at = end or at + 1
     while kept and _end("edge", (words[kept[0]],), 0):
         kept.pop(0)
-    while kept and _end("edge", (words[kept[-1]],), 0):
+    while kept and any(_end(one, (words[kept[-1]],), 0) for one in ("edge", "end")):
         kept.pop()
     return " ".join(written[i] for i in kept)
 

@@ -105,10 +105,9 @@ def describe_way(way_m: float) -> str:
     return f"the way to the goal is {way_m:.0f} m: {describe_time(way_m)}"
 
 
-def find_ahead(scene: SceneModel) -> SceneObject | None:
-    """Return the next vehicle or person ahead of us in our lane; None without one."""
+def find_in_lane(scene: SceneModel) -> list[SceneObject]:
+    """Return the vehicles and people ahead of us in our lane, nearest first."""
     table, front_m = scene.table, scene.ego.length_m - scene.ego.rear_overhang_m
     ahead_m = table.along_m - front_m
-    held = (ahead_m > 0) & (ahead_m < _AHEAD_M) & (np.abs(table.lateral_m) < LANE_M / 2)
-    rows = np.flatnonzero(held)
-    return table.items[int(rows[np.argmin(table.along_m[rows])])] if len(rows) else None
+    rows = np.flatnonzero((ahead_m > 0) & (ahead_m < _AHEAD_M) & (np.abs(table.lateral_m) < LANE_M / 2))
+    return [table.items[int(row)] for row in rows[np.argsort(table.along_m[rows])]]

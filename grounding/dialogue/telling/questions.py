@@ -14,17 +14,16 @@ from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.telling.landmarks import tell_landmarks
 from grounding.dialogue.telling.measures import (
-    approaches,
     describe_facing,
     describe_gap,
     describe_heading,
     describe_one,
     describe_size,
     describe_way,
-    find_ahead,
     way_to,
 )
 from grounding.dialogue.telling.phrases import describe_goal
+from grounding.dialogue.telling.place import tell_at_place, tell_next, tell_walk
 from grounding.dialogue.telling.reports import (
     NOT_KNOWN,
     aside,
@@ -40,6 +39,7 @@ from grounding.dialogue.telling.reports import (
 from grounding.dialogue.telling.room import tell_room, tell_spot
 from grounding.dialogue.telling.things import (
     DESCRIBING,
+    POINTING,
     Things,
     describe_any,
     describe_thing,
@@ -48,6 +48,8 @@ from grounding.dialogue.telling.things import (
     name_unmapped,
     names_thing,
 )
+from grounding.dialogue.telling.traffic import tell_coming, tell_waiting
+from grounding.language import WordCategory
 from grounding.language.questions import Question, read_question
 from grounding.query import Referent
 from grounding.referent.resolver import MAX_CANDIDATES, find_all, resolve
@@ -119,6 +121,9 @@ def _tell_facing(talk: Conversation, text: str, question: Question) -> Answer | 
 
 def _tell_distance(talk: Conversation, text: str, question: Question) -> Answer | None:
     """Tell how far away a vehicle is; the goal, if no other vehicle is named."""
+    at_place = {"there", "kerb"} & {*question.kinds}
+    if at_place and (told_there := tell_at_place(talk, text, question)):
+        return told_there
     way_m = way_to(talk.state.goal)
     of_goal = way_m is not None and not (question.words or question.options)
     things = Things() if of_goal else find_things(talk, replace(question, of_us=question.of_us and way_m is not None))
@@ -140,12 +145,12 @@ def _tell_duration(talk: Conversation, text: str, question: Question) -> Answer:
 def _tell_motion(talk: Conversation, text: str, question: Question, moving: bool) -> Answer | None:
     """Tell whether a vehicle moves, or stands; what we do, if it is about us."""
     if "which" in question.kinds:
-        return None
+        return _tell_which_move(talk, text, question, moving)
     if "place" in question.kinds:
         return _tell_facing(talk, text, question)  # "where is it going?"
     things = find_things(talk, question)
     if not things.found and not things.reasons:
-        return _tell_waiting(talk, text, question)
+        return tell_waiting(talk, text, question)
     if len(things.found) != 1:
         return _tell_description(talk, text, question)
     (item,) = things.items
@@ -153,6 +158,17 @@ def _tell_motion(talk: Conversation, text: str, question: Question, moving: bool
     known = not question.event and not {"moving", "standing"} <= {*question.kinds} and (moves or item.is_standing)
     answer = ("yes: " if moves == moving else "no: ") if known else ""
     return aside(talk, text, f"{answer}{describe_one(item, talk.scene)}", *(_BEFORE if question.event else ()))
+
+
+def _tell_which_move(talk: Conversation, text: str, question: Question, moving: bool) -> Answer | None:
+    """Tell which vehicles move, or stand; None where one is pointed at: "what is it driving at?"."""
+    tokens = talk.read(question.words).tokens if question.words else ()
+    if any(one.category in POINTING for one in tokens):
+        return None
+    thing = "" if names_thing(talk, question.words) else "vehicles"
+    named = (one.text for one in tokens if one.category not in (WordCategory.AUX, WordCategory.THE))
+    words = " ".join(filter(None, ("the", "moving" if moving else "parked", thing, *named)))
+    return _tell_found(talk, text, replace(question, words=words))
 
 
 def _tell_same(talk: Conversation, text: str, question: Question) -> Answer | None:
@@ -168,21 +184,6 @@ def _tell_same(talk: Conversation, text: str, question: Question) -> Answer | No
     return aside(talk, text, f"yes: it is {told}" if same else f"no: we speak of {told}")
 
 
-def _tell_waiting(talk: Conversation, text: str, question: Question) -> Answer:
-    """Tell what holds us up: who is ahead in our lane, and what the plan waits for."""
-    ahead, goal = find_ahead(talk.scene), talk.state.goal
-    here = "nothing is seen ahead of us in our lane"
-    told = [here if ahead is None else f"ahead of us: {describe_one(ahead, talk.scene)}"]
-    waits = goal is not None and any(one.pace == "standing" for one in (goal, *goal.steps))
-    if goal is None:
-        told.append("no command is set")
-    elif waits:
-        told += describe_goal(goal)
-    elif ahead is None:
-        told.append("nothing that is seen holds us up")
-    return aside(talk, text, *told)
-
-
 def _tell_why(talk: Conversation, text: str, question: Question) -> Answer | None:
     """Tell why we are slow or stand, or the reasons of the plan; of others, what they do and that it is open why."""
     state = [one for one in question.kinds if one in ("slow", "moving", "standing", "facing")]
@@ -196,7 +197,7 @@ def _tell_why(talk: Conversation, text: str, question: Question) -> Answer | Non
     if "facing" in state:
         return _tell_facing(talk, text, question)
     reasoned = "moving" in state and "slow" not in state  # "why are we going there"
-    return tell_reasons(talk, text) if reasoned else _tell_waiting(talk, text, question)
+    return tell_reasons(talk, text) if reasoned else tell_waiting(talk, text, question)
 
 
 def _tell_gap(talk: Conversation, text: str, question: Question) -> Answer | None:
@@ -322,15 +323,6 @@ def _tell_case(talk: Conversation, text: str, question: Question) -> Answer:
     return aside(talk, text, *_plan_of(talk), f"{NOT_KNOWN}: what will happen; {anew}")
 
 
-def _tell_coming(talk: Conversation, text: str, question: Question) -> Answer:
-    """Tell whether anyone drives towards us, and who; all of them stay as they are in the conversation."""
-    reading = describe_any(talk, question.words)
-    named = reading.query.referent if reading is not None else None
-    here = find_all(named or Referent("vehicle", "vehicle"), talk.scene)
-    told = [describe_one(one, talk.scene) for one in here if approaches(one)][:MAX_CANDIDATES]
-    return aside(talk, text, *(["yes", *told] if told else ["no: nothing that is seen comes towards us"]))
-
-
 def _tell_plan(talk: Conversation, text: str, question: Question) -> Answer | None:
     return tell_goal(talk, text) if talk.state.goal or talk.state.question else None
 
@@ -342,7 +334,9 @@ def _tell_open(talk: Conversation, text: str, question: Question) -> Answer:
 _ANSWERS: Mapping[str, _Teller] = {
     "case": _tell_case,
     "why": _tell_why,
-    "waiting": _tell_waiting,
+    "waiting": tell_waiting,
+    "walk": tell_walk,
+    "next": tell_next,
     "duration": _tell_duration,
     "count": _count,
     "distance": _tell_distance,
@@ -353,7 +347,7 @@ _ANSWERS: Mapping[str, _Teller] = {
     "room": _tell_room,
     "size": _tell_size,
     "same": _tell_same,
-    "coming": _tell_coming,
+    "coming": tell_coming,
     "description": _tell_description,
     "facing": _tell_facing,
     "safe": _tell_safe,

@@ -28,7 +28,7 @@ _EMPTY = (
 def tell_room(talk: Conversation, text: str, words: str) -> Answer:
     """Tell whether there is a place; "do it" takes it then: "can we fit behind the red car?"."""
     base = talk.state.request.query if talk.state.request else Query("", "park")
-    reading = complete(words, base, talk.antecedent, talk.readings)
+    reading = _read_place(talk, words, base)
     if reading is None:
         return _tell_in_force(talk, text, words)
     chosen = talk.meant if names_pronoun(reading) else None
@@ -38,9 +38,15 @@ def tell_room(talk: Conversation, text: str, words: str) -> Answer:
 
 def tell_spot(talk: Conversation, text: str, words: str) -> Answer:
     """Tell where we could park: at the place that some words name, else anywhere at the edge of the road."""
-    if words and complete(words, Query("", "park"), talk.antecedent, talk.readings) is not None:
+    if words and _read_place(talk, words, Query("", "park")) is not None:
         return tell_room(talk, text, words)
     return propose(talk, text, [Request(reading=Reading(Query(text, "park", ("park",))))])
+
+
+def _read_place(talk: Conversation, words: str, base: Query) -> Reading | None:
+    """Return the reading of a place; None if the words name none: "ahead", where no vehicle was spoken of."""
+    reading = complete(words, base, talk.antecedent, talk.readings)
+    return None if reading is not None and reading.query.unresolved else reading
 
 
 def propose(talk: Conversation, text: str, requests: Sequence[Request]) -> Answer:

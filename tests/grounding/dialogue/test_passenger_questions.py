@@ -85,3 +85,55 @@ def test_room_is_told_for_each_vehicle_that_a_question_may_mean() -> None:
 
 def test_a_place_that_was_not_spoken_of_is_not_known() -> None:
     assert "not known here: which place is meant" in told(drive(), "is that spot taken?")
+
+
+@pytest.mark.parametrize(
+    ("question", "expected"),
+    [
+        ("how far will she have to walk", "the place is 0.9 m from the white car"),
+        ("is it a long walk to the blue car?", "m from the blue car"),
+        ("how close will we stop to the blue car", "the place is 4.1 m from the blue car"),
+        ("how far from the pavement are you going to park", "m from the kerb on our right"),
+        ("are we near enough to the curb?", "m from the kerb on our right"),
+    ],
+)
+def test_distances_are_those_from_the_goal(question: str, expected: str) -> None:
+    assert expected in told(park(), question)
+
+
+@pytest.mark.parametrize(
+    ("question", "expected"),
+    [
+        ("what happens after this", "after that nothing is planned"),
+        ("did you understand what I said", "park behind the white car"),
+        ("where do you think we'll end up", "park behind the white car"),
+        ("what if somebody takes it", "the plan is made anew"),
+        ("is it really the best spot you can find", "'white car' is the white car"),
+        ("why not the other one", "'white car' is the white car"),
+    ],
+)
+def test_questions_about_the_plan_leave_it_as_it_is(question: str, expected: str) -> None:
+    session = park()
+    goal = session.goal
+    assert goal is not None
+    assert expected in told(session, question)
+    assert session.goal is not None
+    assert session.goal.target is goal.target
+
+
+@pytest.mark.parametrize(
+    ("question", "expected"),
+    [
+        ("is that red van blocking us", "yes: the red van"),
+        ("is the white car in our way", "no: the white car"),
+        ("are we held up by anything, the van is in the way isn't it", ""),
+        ("anything in front of us", "red van"),
+        ("any cars behind us", "yes: the black car"),
+        ("are there any vans about", "yes: the red van"),
+        ("what is moving", "1 fit 'moving vehicles'"),
+        ("which cars are standing on the right", "2 fit 'parked cars on the right'"),
+        ("is the blue car occupied", "not known here: who or what is in a vehicle"),
+    ],
+)
+def test_who_is_there_and_what_they_do(question: str, expected: str) -> None:
+    assert expected in told(drive(), question)

@@ -1,0 +1,74 @@
+"""Answers about the place at the goal: how far it is from a vehicle and from the kerb, and what comes after it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from grounding.answer import Answer
+from grounding.dialogue.conversation import Conversation
+from grounding.dialogue.telling.measures import describe_one
+from grounding.dialogue.telling.phrases import describe_goal
+from grounding.dialogue.telling.reports import NOT_KNOWN, aside, tell_goal, unknown
+from grounding.dialogue.telling.things import find_things
+from grounding.goal.planner import Target
+from grounding.language.questions import Question
+from grounding.referent.scene import SceneModel
+from grounding.road.free_space import gap_m
+from grounding.scene_object import SceneObject
+
+
+def tell_walk(talk: Conversation, text: str, question: Question) -> Answer:
+    """Tell how far the goal is from a vehicle; where somebody walks to besides is not known."""
+    place, items = _place_of(talk), _things_at(talk, question)
+    if place is None or not items:
+        return unknown(talk, text, "how far there is to walk, and where to")
+    told = [_describe_from(place, one, talk.scene) for one in items]
+    return aside(talk, text, *told, f"{NOT_KNOWN}: where you walk to from there")
+
+
+def tell_at_place(talk: Conversation, text: str, question: Question) -> Answer | None:
+    """Tell how far the goal is from the kerb or a vehicle that are named; None without a goal or one of them."""
+    place = _place_of(talk)
+    if place is None:
+        return None
+    if "kerb" in question.kinds:
+        return aside(talk, text, _describe_kerb(place, talk.scene))
+    items = _things_at(talk, question) if question.words else []
+    return aside(talk, text, *(_describe_from(place, one, talk.scene) for one in items)) if items else None
+
+
+def tell_next(talk: Conversation, text: str, question: Question) -> Answer | None:
+    """Tell the steps of the plan, and that nothing comes after the last one."""
+    goal = talk.state.goal
+    if goal is None or talk.state.question is not None:
+        return tell_goal(talk, text) if talk.state.question or not question.words else None
+    return aside(talk, text, *describe_goal(goal), "after that nothing is planned")
+
+
+def _place_of(talk: Conversation) -> Target | None:
+    return talk.state.goal.target if talk.state.goal is not None else None
+
+
+def _things_at(talk: Conversation, question: Question) -> list[SceneObject]:
+    """Return the vehicles that a question names, else that of the goal."""
+    if question.words and (named := find_things(talk, question).items):
+        return named
+    chosen = talk.state.plan[-1].chosen if talk.state.plan else None
+    goal = talk.state.goal
+    referent = chosen or (goal.referent if goal is not None else None)
+    return [referent.item] if referent is not None else []
+
+
+def _describe_from(place: Target, item: SceneObject, scene: SceneModel) -> str:
+    between_m = max(float(gap_m(item, place.ego, place.ego_m, np.asarray(place.heading_ego_rad))), 0.0)
+    return f"the place is {between_m:.1f} m from {describe_one(item, scene)}"
+
+
+def _describe_kerb(place: Target, scene: SceneModel) -> str:
+    """Tell how far the side of the ego is from the nearer kerb."""
+    if scene.road is None:
+        return f"{NOT_KNOWN}: where the kerb is"
+    turned = place.heading_ego_rad + np.array([np.pi / 2, -np.pi / 2])
+    edges_m = scene.road.edge_distance_m(np.array([place.cell] * 2), turned) - place.ego.width_m / 2
+    side = ("left", "right")[int(np.argmin(edges_m))]
+    return f"the place is {max(float(edges_m.min()), 0.0):.1f} m from the kerb on our {side}"
