@@ -20,7 +20,7 @@ _LIMIT = "limit: "
 # Sections that tell how a question begins, and words that name no thing; the others are kinds.
 _FRAME = ("lead", "indirect", "asking", "marked", "wish", "clause", "elsewhere", "empty", "edge", "end")
 # Kinds that only tell more of another one.
-_FURTHER = ("slow", "who", "together", "people", "there", "kerb")
+_FURTHER = ("slow", "who", "together", "people", "there", "kerb", "future", "others")
 # Kinds whose words describe a thing if its noun follows: "the moving van", "the light green car".
 _MOTION = ("moving", "standing")
 _ATTRIBUTES = (*_MOTION, _LIMIT)

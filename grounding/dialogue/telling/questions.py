@@ -64,7 +64,7 @@ _KEPT = "the place is on the road, and clear of all vehicles that are seen"
 _FOUND = ("exists", "place", "what", "which")
 # What is too small for us where there is room, and the other way round.
 _YES_NO, _TURNED = re.compile(r"^(?:yes|no)(?=[:,]|$)"), {"yes": "no", "no": "yes"}
-_BEFORE = (f"{NOT_KNOWN}: what it did before",)
+_BEFORE, _LATER = (f"{NOT_KNOWN}: what it did before",), (f"{NOT_KNOWN}: what others will do",)
 _Teller = Callable[[Conversation, str, Question], Answer | None]
 
 
@@ -116,7 +116,7 @@ def _tell_facing(talk: Conversation, text: str, question: Question) -> Answer | 
     if told is None and goal is not None:
         way = f"at the goal we face {describe_heading(goal.heading_ego_rad)}"
         return aside(talk, text, *_plan_of(talk), way)
-    return told
+    return told or (tell_goal(talk, text) if question.of_us else None)
 
 
 def _tell_distance(talk: Conversation, text: str, question: Question) -> Answer | None:
@@ -155,9 +155,11 @@ def _tell_motion(talk: Conversation, text: str, question: Question, moving: bool
         return _tell_description(talk, text, question)
     (item,) = things.items
     moves = item.speed_mps is not None and item.speed_mps >= MOVING_MPS
-    known = not question.event and not {"moving", "standing"} <= {*question.kinds} and (moves or item.is_standing)
-    answer = ("yes: " if moves == moving else "no: ") if known else ""
-    return aside(talk, text, f"{answer}{describe_one(item, talk.scene)}", *(_BEFORE if question.event else ()))
+    later = "future" in question.kinds
+    asked = not (question.event or later or {"moving", "standing"} <= {*question.kinds})
+    answer = ("yes: " if moves == moving else "no: ") if asked and (moves or item.is_standing) else ""
+    unknown_then = _BEFORE if question.event else _LATER if later else ()
+    return aside(talk, text, f"{answer}{describe_one(item, talk.scene)}", *unknown_then)
 
 
 def _tell_which_move(talk: Conversation, text: str, question: Question, moving: bool) -> Answer | None:
@@ -186,7 +188,7 @@ def _tell_same(talk: Conversation, text: str, question: Question) -> Answer | No
 
 def _tell_why(talk: Conversation, text: str, question: Question) -> Answer | None:
     """Tell why we are slow or stand, or the reasons of the plan; of others, what they do and that it is open why."""
-    state = [one for one in question.kinds if one in ("slow", "moving", "standing", "facing")]
+    state = [one for one in question.kinds if one in ("slow", "moving", "standing", "facing", "others")]
     if not state:
         return None if describe_thing(talk, question.words) else tell_reasons(talk, text)
     things = Things() if question.of_us else find_things(talk, question)
@@ -324,7 +326,7 @@ def _tell_case(talk: Conversation, text: str, question: Question) -> Answer:
 
 
 def _tell_plan(talk: Conversation, text: str, question: Question) -> Answer | None:
-    return tell_goal(talk, text) if talk.state.goal or talk.state.question else None
+    return tell_goal(talk, text) if talk.state.goal or talk.state.question or question.of_us else None
 
 
 def _tell_open(talk: Conversation, text: str, question: Question) -> Answer:

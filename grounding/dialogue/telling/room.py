@@ -8,7 +8,7 @@ from dataclasses import replace
 from grounding.answer import Answer
 from grounding.describe import describe_object
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.fragments import complete, names_pronoun, read_description
+from grounding.dialogue.fragments import complete, has_verb, is_understood, names_pronoun, read_description
 from grounding.dialogue.telling.measures import describe_gap
 from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.telling.reports import aside, ask_again, inform, not_understood, unknown
@@ -29,6 +29,8 @@ def tell_room(talk: Conversation, text: str, words: str) -> Answer:
     """Tell whether there is a place; "do it" takes it then: "can we fit behind the red car?"."""
     base = talk.state.request.query if talk.state.request else Query("", "park")
     reading = _read_place(talk, words, base)
+    if reading is None and words and has_verb(commanded := talk.read(words)) and is_understood(commanded):
+        return propose(talk, text, requests_of(said(commanded, text)))  # "room to go round the van"
     if reading is None:
         return _tell_in_force(talk, text, words)
     chosen = talk.meant if names_pronoun(reading) else None

@@ -137,3 +137,42 @@ def test_questions_about_the_plan_leave_it_as_it_is(question: str, expected: str
 )
 def test_who_is_there_and_what_they_do(question: str, expected: str) -> None:
     assert expected in told(drive(), question)
+
+
+@pytest.mark.parametrize(
+    ("question", "expected"),
+    [
+        ("will we arrive shortly", "the way to the goal is"),
+        ("are we about to park", "the way to the goal is"),
+        ("what did I tell you to do", "park behind the white car"),
+        ("will we have to turn to get there", "park behind the white car"),
+        ("what is wrong with the other place", "'white car' is the white car"),
+        ("anything following that?", "after that nothing is planned"),
+        ("have we missed it", "white car"),
+        ("is it a tight spot", "no: there is room"),
+        ("is waiting allowed there", "not known here: signs"),
+        ("why is she doing that", "not known here: why others do so"),
+        ("is the red van going to pull out", "not known here: what others will do"),
+        ("what are we held up by", "ahead of us: the red van"),
+    ],
+)
+def test_a_question_is_not_taken_for_another_one(question: str, expected: str) -> None:
+    session = park()
+    goal = session.goal
+    assert goal is not None
+    assert expected in told(session, question)
+    assert session.goal is not None
+    assert session.goal.target is goal.target
+
+
+@pytest.mark.parametrize("question", ["which way will we go", "what did we ask you to do"])
+def test_a_question_about_the_plan_does_nothing_without_one(question: str) -> None:
+    session = drive()
+    assert "no command is set" in told(session, question)
+    assert session.goal is None
+
+
+def test_room_for_a_manoeuvre_is_told() -> None:
+    session = drive()
+    assert told(session, "is there space to drive past the blue car").startswith("yes")
+    assert session.goal is None
