@@ -36,9 +36,10 @@ from appocc.files import read_json, zip_arrays
 from appocc.geometry import quaternion_from_yaw, transform
 from grounding.language import parse
 from grounding.query import Query
-from grounding.referent.class_fit import PERSON_NOUNS, fit_noun
+from grounding.referent.class_fit import fit_noun
 from grounding.referent.resolver import resolve
 from grounding.referent.scene import SceneModel, scene_from_tracks
+from grounding.vocabulary import PERSON_NOUNS
 from tracking.tracks import Track
 
 OUTCOMES = ("top", "among", "missed")

@@ -69,6 +69,12 @@ TRIGGERS: tuple[str, ...] = get_args(Trigger)
 MANOEUVRES: tuple[str, ...] = get_args(Manoeuvre)
 # What a command asks for instead of a place: another speed, or to stand where we are.
 Pace = Literal["slower", "faster", "standing"]
+# Nouns of vehicles and of people, and of all objects that a scene can hold.
+VEHICLE_NOUNS = frozenset(
+    ("car", "van", "truck", "bus", "trailer", "motorcycle", "bicycle", "construction_vehicle", "vehicle")
+)
+PERSON_NOUNS = frozenset(("person", "people", "pedestrian", "man", "woman", "child"))
+KNOWN_NOUNS = VEHICLE_NOUNS | PERSON_NOUNS
 # Nouns of landmarks that vector maps hold, and their kinds there.
 LANDMARK_KINDS: dict[str, str] = {
     **dict.fromkeys(("crossing", "zebra_crossing", "pedestrian_crossing", "crosswalk", "zebra"), "crossing"),

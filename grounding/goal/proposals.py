@@ -15,10 +15,9 @@ from grounding.goal.lane_relative import propose_between, propose_on_our_way, pr
 from grounding.goal.reference_frames import ReferenceVehicle
 from grounding.goal.turns import WHICH_WAY, explain_passed, propose_corner, propose_side_road
 from grounding.query import Query
-from grounding.referent.class_fit import PERSON_NOUNS
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
-from grounding.vocabulary import LANDMARK_KINDS
+from grounding.vocabulary import LANDMARK_KINDS, PERSON_NOUNS
 
 # Relation that an action implies.
 _RELATION_OF = {

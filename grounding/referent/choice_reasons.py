@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from grounding.query import Referent
-from grounding.referent.class_fit import PERSON_NOUNS
 from grounding.referent.ordinals import find_ordinals
 from grounding.referent.priors import includes_behind, is_behind
 from grounding.referent.scene import SceneModel
 from grounding.referent.scoring import ReferentScores
 from grounding.scene_object import SceneObject
+from grounding.vocabulary import PERSON_NOUNS
 
 # Below this an object fits a word doubtfully.
 DOUBTFUL_FIT = 0.35

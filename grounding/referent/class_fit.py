@@ -10,13 +10,8 @@ import numpy as np
 from appocc.checks import FloatArray
 from grounding.referent.fuzzy import falling, fill_unknown, rising
 from grounding.referent.object_table import ObjectTable
+from grounding.vocabulary import PERSON_NOUNS, VEHICLE_NOUNS
 
-VEHICLE_NOUNS = frozenset(
-    ("car", "van", "truck", "bus", "trailer", "motorcycle", "bicycle", "construction_vehicle", "vehicle")
-)
-PERSON_NOUNS = frozenset(("person", "people", "pedestrian", "man", "woman", "child"))
-# Nouns of objects that a scene can hold.
-KNOWN_NOUNS = VEHICLE_NOUNS | PERSON_NOUNS
 # Membership of a class in a noun, before size (in nuScenes vans are cars or trucks, and pickups are trucks).
 _CLASS_FIT: Mapping[str, Mapping[str, float]] = {
     "car": {"car": 1.0, "police": 0.9, "ambulance": 0.3, "truck": 0.1},

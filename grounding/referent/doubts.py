@@ -8,9 +8,9 @@ import numpy as np
 
 from grounding.query import Query, Referent
 from grounding.referent.clarification import describe_one
-from grounding.referent.class_fit import PERSON_NOUNS
 from grounding.referent.priors import OTHER_STREET_M, includes_behind
 from grounding.referent.scene import SceneModel
+from grounding.vocabulary import PERSON_NOUNS
 
 # Actions that go forward. They do not mean a vehicle behind us, unless the command says so.
 _FORWARD = ("park", "stop", "pull_over", "follow", "approach", "overtake", "drive_past", "turn", "change_lane")

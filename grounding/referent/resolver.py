@@ -11,7 +11,6 @@ import numpy as np
 from grounding.query import Landmark, LandmarkRelation, Query, Referent
 from grounding.referent.choice_reasons import DOUBTFUL_FIT, explain_choice, explain_nearer, explain_too_few
 from grounding.referent.clarification import compose_question, describe_differences, describe_one
-from grounding.referent.class_fit import KNOWN_NOUNS, PERSON_NOUNS
 from grounding.referent.doubts import fits_badly, lacks_class, question_about
 from grounding.referent.fuzzy import gaussian
 from grounding.referent.ordinals import find_ordinals
@@ -23,7 +22,7 @@ from grounding.referent.sought import by_vehicle, with_sought_referent
 from grounding.referent.spatial_relations import fit_between, footprint_gap_m
 from grounding.road.pose import Pose2D
 from grounding.scene_object import SceneObject
-from grounding.vocabulary import COLOURS
+from grounding.vocabulary import COLOURS, KNOWN_NOUNS, PERSON_NOUNS
 
 MAX_CANDIDATES = 6
 # Candidates whose log scores differ by less than this are a tie.

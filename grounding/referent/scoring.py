@@ -9,14 +9,13 @@ import numpy as np
 
 from appocc.checks import BoolArray, FloatArray
 from grounding.query import Exclusion, Landmark, Query, Referent
-from grounding.referent.class_fit import KNOWN_NOUNS
 from grounding.referent.object_table import ObjectTable
 from grounding.referent.ordinals import find_ordinals, lead_probability, lead_side, ordinal_probability
 from grounding.referent.predicates import QUALIFIERS, fit_words, to_referent
 from grounding.referent.priors import counting_prior, log_action_prior, log_salience
 from grounding.referent.scene import SceneModel
 from grounding.referent.spatial_relations import fit_relation
-from grounding.vocabulary import LANDMARK_KINDS, ORDINALS
+from grounding.vocabulary import KNOWN_NOUNS, LANDMARK_KINDS, ORDINALS
 
 # Least membership of a match in each word, and of the product of all words.
 _LEAST_WORD_FIT, _LEAST_TOTAL_FIT = 0.12, 0.06

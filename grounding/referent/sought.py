@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from grounding.query import Landmark, Query, Referent
-from grounding.referent.class_fit import KNOWN_NOUNS, PERSON_NOUNS, VEHICLE_NOUNS
 from grounding.referent.predicates import to_referent
+from grounding.vocabulary import KNOWN_NOUNS, PERSON_NOUNS, VEHICLE_NOUNS
 
 # Actions for other traffic, and places where only a vehicle is.
 _TRAFFIC_ACTIONS = ("give_way", "follow", "overtake")

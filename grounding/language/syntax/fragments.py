@@ -52,6 +52,7 @@ _JOINTS = (*_MARKS, WordCategory.AND, WordCategory.THEN)
 # Categories of places at something, and relations that are none.
 _PLACES = (WordCategory.RELATION, WordCategory.BETWEEN)
 _AS_PLACES = ("after", "before")
+_ANYWHERE = ("anywhere", "everywhere")
 _WEAK = ("in", "into", "on", "along", "with", "for")
 # Categories of what a place may be at, and words that praise it.
 _TOPICS = (WordCategory.NOUN, WordCategory.MODEL, WordCategory.SPOT)
@@ -186,8 +187,10 @@ def _names_any_spot(words: Sequence[Token]) -> bool:
 
 def _names_any_place(words: Sequence[Token]) -> bool:
     """Return whether words leave a place open but for its side or vehicle: "somewhere on the left after the bus"."""
+    if words[0].category is WordCategory.EXCEPT and words[0].text.startswith(_ANYWHERE):
+        return len(words) > 1 and words[1].category in _PLACES and _only_praises(words)  # "anywhere but behind it"
     places = (*_PLACES, WordCategory.SUB, WordCategory.SIDE)
-    begins = [token.category for token in words[:1]] == [WordCategory.HERE] and not words[0].value
+    begins = words[0].category is WordCategory.HERE and not words[0].value
     placed = len(words) > 2 and words[1].category in places and any(one.category in HEADS for one in words[2:])
     return begins and placed and _only_praises(words)
 
