@@ -29,8 +29,8 @@ def tell_room(talk: Conversation, text: str, words: str) -> Answer:
     """Tell whether there is a place; "do it" takes it then: "can we fit behind the red car?"."""
     base = talk.state.request.query if talk.state.request else Query("", "park")
     reading = _read_place(talk, words, base)
-    if reading is None and words and has_verb(commanded := talk.read(words)) and is_understood(commanded):
-        return propose(talk, text, requests_of(said(commanded, text)))  # "room to go round the van"
+    if reading is None and (manoeuvre := _read_manoeuvre(talk, words)) is not None:
+        return propose(talk, text, requests_of(said(manoeuvre, text)))
     if reading is None:
         return _tell_in_force(talk, text, words)
     chosen = talk.meant if names_pronoun(reading) else None
@@ -49,6 +49,14 @@ def _read_place(talk: Conversation, words: str, base: Query) -> Reading | None:
     """Return the reading of a place; None if the words name none: "ahead", where no vehicle was spoken of."""
     reading = complete(words, base, talk.antecedent, talk.readings)
     return None if reading is not None and reading.query.unresolved else reading
+
+
+def _read_manoeuvre(talk: Conversation, words: str) -> Reading | None:
+    """Return the reading of a manoeuvre that there is room for: "to go round the van"; None for other words."""
+    reading = talk.read(words) if words else None
+    if reading is None or not (has_verb(reading) and is_understood(reading)):
+        return None
+    return reading if reading.query.referent is not None or reading.query.direction is not None else None
 
 
 def propose(talk: Conversation, text: str, requests: Sequence[Request]) -> Answer:

@@ -176,3 +176,7 @@ def test_room_for_a_manoeuvre_is_told() -> None:
     session = drive()
     assert told(session, "is there space to drive past the blue car").startswith("yes")
     assert session.goal is None
+
+
+def test_a_place_is_offered_where_none_is_planned() -> None:
+    assert told(drive(), "where would you stop").startswith("yes; the place is at the right edge")
