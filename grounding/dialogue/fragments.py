@@ -10,7 +10,7 @@ from itertools import pairwise, product
 from grounding.language import Reading, WordCategory
 from grounding.language.replies import with_superlatives
 from grounding.language.syntax.noun_phrases import NounPhrase, chunk
-from grounding.language.syntax.tokenizer import Token
+from grounding.language.syntax.tokenizer import Token, normalise
 from grounding.query import Query, Referent
 from grounding.requests import STOPS
 
@@ -162,6 +162,8 @@ def read_description(text: str, antecedent: Referent | None, read: Reader, *, wh
         referent = reading.query.referent
         if referent is None or reading.query.relation != "none" or not is_understood(reading):
             continue
+        if any(one.category is WordCategory.ORDINAL and one.written not in normalise(part) for one in reading.tokens):
+            continue  # "number" is no "number one"
         if not _is_bare(referent, reading):
             found = _with_query(reading, replace(reading.query, action=None, actions=(), landmark=None))
             if not _has_unknown(reading):
