@@ -17,7 +17,7 @@ from grounding.dialogue.descriptions import (
     reading_of,
     without_positions,
 )
-from grounding.dialogue.fragments import begins_with_place, read_description
+from grounding.dialogue.fragments import begins_with_place, has_verb, read_description
 from grounding.dialogue.merging import merge_request
 from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.turns import predict_turn
@@ -198,11 +198,18 @@ def _read_part(talk: Conversation, part: str) -> Description | None:
     like = Referent(asked.noun, asked.head) if asked is not None else Referent("vehicle", "one")
     described = _POINTING.sub("the ", words)
     reading = read_description(described, like, talk.readings, whole=True) if words else None
-    if reading is not None and not any(one.category is WordCategory.PRONOUN for one in reading.tokens):
+    points = reading is not None and any(one.category is WordCategory.PRONOUN for one in reading.tokens)
+    if reading is not None and not points and not _commands(talk, part, reply):
         return Description(reading, negated=negated, words=words)
     if not reply.rest and reply.kinds and {*reply.kinds} <= {*_OPENING, *_OPEN}:
         return Description(takes_any="any" in reply.kinds)
     return Description() if _says_nothing(talk, part, reply) else None
+
+
+def _commands(talk: Conversation, part: str, reply: Reply) -> bool:
+    """Return whether a part of a turn is a command: "park in front of the red car"; "take the near one" is none."""
+    prediction = predict_turn(talk, part, reply)[1]
+    return prediction is not None and prediction.best("act") == "command" and has_verb(talk.read(part))
 
 
 def _says_nothing(talk: Conversation, part: str, reply: Reply) -> bool:

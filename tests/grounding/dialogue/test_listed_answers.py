@@ -100,6 +100,12 @@ def test_any_of_a_description_is_one_with_a_place() -> None:
     assert (answer.status, referent(answer)) == ("ok", "near"), answer.text()
 
 
+def test_a_command_is_no_description() -> None:
+    session = whites()
+    answer = session.say("Park in front of the black van.")
+    assert (referent(answer), answer.query.relation) == ("van", "in_front_of"), answer.text()
+
+
 def test_a_vehicle_that_is_not_listed_is_found_in_the_scene() -> None:
     assert referent(whites().say("neither, the black van")) == "van"
     assert referent(whites().say("none of those, stop by the van")) == "van"
