@@ -10,13 +10,12 @@ import numpy as np
 from grounding.answering import without
 from grounding.language import Reading
 from grounding.query import Query, Referent
-from grounding.referent.class_fit import PERSON_NOUNS
 from grounding.referent.ordinals import SORT_KEYS, find_ordinals
 from grounding.referent.predicates import to_referent
 from grounding.referent.resolver import Candidate, find_all, resolve, word_probabilities
 from grounding.referent.scene import SceneModel
 from grounding.requests import Request
-from grounding.vocabulary import ORDINALS
+from grounding.vocabulary import ORDINALS, PERSON_NOUNS
 
 # A told distance is rounded, or remembered roughly.
 _LEAST_TOLERANCE_M, _TOLERANCE = 2.5, 0.1
