@@ -44,7 +44,7 @@ _NOT_SPATIAL = ("with", "of", "for", "object")
 # Kinds of distances that need no action to tell what they are.
 _DISTANCES: dict[str, DistanceRole] = {"descriptor": "descriptor", "kerb": "kerb"}
 # Verbs that, alone, ask to drive on.
-_GOING = ("go", "drive", "move", "other")
+_GOING = ("go", "drive", "move")
 # Endings of plurals -> of singulars, the first match counts.
 _PLURALS: tuple[tuple[str, str], ...] = (
     ("people", "person"),
