@@ -79,3 +79,31 @@ def test_further_off_the_same_end(goal: str, further: str, sign: int) -> None:
     assert first is not None
     assert second is not None
     assert sign * (second.ego_m[0] - first.ego_m[0]) > 0.5
+
+
+def test_anywhere_but_one_place_rules_it_out() -> None:
+    excluded = parse("anywhere but next to the blue car").query.excluded
+    assert [(one.relation, one.noun, one.colour) for one in excluded] == [("next_to", "car", "blue")]
+
+
+def test_where_one_can_get_out_is_at_the_kerb() -> None:
+    assert parse("park where we can hop out easily").query.road_side == "kerb"
+
+
+def test_to_get_going_is_to_drive_on() -> None:
+    place = ask("let's get moving").target
+    assert place is not None
+    assert place.ego_m[0] > 10
+
+
+@pytest.mark.parametrize(
+    "text", ["park past the car that is behind the blue car", "halt past the car behind the blue car"]
+)
+def test_the_second_vehicle_of_a_description_counts(text: str) -> None:
+    answer = ask(text)
+    assert [part.of for part in answer.query.secondary] == ["referent"]
+    assert [one.item.id for one in answer.candidates] == ["w"]
+
+
+def test_a_vehicle_that_no_vehicle_has_beside_it_is_not_left_out() -> None:
+    assert ask("stop behind the car that is in front of the blue car").status == "not_found"
