@@ -176,6 +176,8 @@ def with_superlatives(text: str) -> str:
     while start < len(words):
         matches = [(_replies(kind).longest_match(words, start), kind) for kind in _COMPARATIVES]
         end, word = max(((match[0], kind) for match, kind in matches if match), default=(start + 1, words[start]))
+        if words[end : end + 1] == ("end",):  # "the far end" is a place
+            end, word = start + 1, words[start]
         found.append(word)
         start = end
     return " ".join(found)

@@ -25,6 +25,11 @@ def with_sought_referent(query: Query) -> Query:
     if referent.clothes and referent.colour is None:
         referent = replace(referent, colour=referent.clothes, clothes=None)  # the colour of a person on the map
         query = replace(query, referent=referent)
+    if "nearest" in referent.qualifiers and any(_is_measure(part) for part in secondary):
+        # "The car closest to the van": nearest to the van, not to us.
+        referent = replace(referent, qualifiers=tuple(one for one in referent.qualifiers if one != "nearest"))
+        secondary = tuple(replace(part, relation="near") if _is_measure(part) else part for part in secondary)
+        query = replace(query, referent=referent, secondary=secondary)
     if _drives(query, referent):
         referent = replace(referent, noun="vehicle")
         query = replace(query, referent=referent)
@@ -37,6 +42,11 @@ def with_sought_referent(query: Query) -> Query:
             return replace(query, referent=vehicle, secondary=_without(ridden, secondary))
     riders = [part for part in inside if part.of == "inverse" and part.noun in PERSON_NOUNS]
     return replace(query, secondary=_without(riders, secondary))
+
+
+def _is_measure(part: Landmark) -> bool:
+    """Return whether a referent is the nearest one to a landmark."""
+    return part.of == "referent" and part.relation == "toward"
 
 
 def _drives(query: Query, referent: Referent) -> bool:

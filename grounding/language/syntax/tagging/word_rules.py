@@ -156,10 +156,7 @@ def tag_shade(before: Sequence[Token], token: Token, after: Sequence[Token]) -> 
 
 
 def tag_superlative(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
-    """Tag "far" as a superlative in "the far van" only, and "nearest" in "the car nearest the van" as a relation."""
-    follows = category_at(before, -1) in HEADS and category_at(after, 0) in DETERMINERS
-    if token.value == "nearest" and follows:
-        return token.with_category(WordCategory.RELATION, "near")
+    """Tag "far" as a superlative in "the far van" only."""
     named = category_at(before, -1) in DETERMINERS and category_at(after, 0) in HEADS | MODIFIERS
     return token if token.text != "far" or named else token.with_category(WordCategory.UNKNOWN)
 
