@@ -27,7 +27,7 @@ from grounding.language.syntax.tokenizer import normalise
 from grounding.query import Query, Referent
 from grounding.referent.resolver import Candidate, resolve
 from grounding.referent.scene import SceneModel
-from grounding.referent.scoring import note_unmapped
+from grounding.referent.scoring import note_invisible, note_unmapped
 from grounding.vocabulary import POSITIONS
 
 # Between the parts of an answer, and before what is not meant: "the white one not on the left".
@@ -43,7 +43,7 @@ _CHAT, _SURE_CHAT = ("remark", "pause"), 0.7
 
 @dataclass(frozen=True)
 class Description:
-    """What a part of an answer says about the one that is meant; without a reading and a number it says nothing.
+    """Description of the intended candidate by a part of an answer; empty without a reading and a number.
 
     Attributes:
         reading: partial reading of the description.
@@ -113,7 +113,8 @@ def answer_listed(talk: Conversation, text: str) -> Answer | None:
     queries = [one.query for one in described if not one.negated]
     said_of_it = Query(text, referent=referent, secondary=tuple(part for one in queries for part in one.secondary))
     changed = merge_request(request, said_of_it)
-    notes = (*changed.reading.notes, *_note_invisible(queries), *note_unmapped(said_of_it, talk.scene), *left_out)
+    invisible = [note for one in queries if one.referent is not None for note in note_invisible(one.referent)]
+    notes = (*changed.reading.notes, *invisible, *note_unmapped(said_of_it, talk.scene), *left_out)
     changed = replace(changed, reading=said(replace(changed.reading, notes=notes), text))
     takes_any = any(one.takes_any or (one.referent is not None and not one.referent.definite) for one in described)
     return take_best(talk, left, changed) if takes_any else talk.narrow(left, changed)
@@ -156,11 +157,6 @@ def _all_like(query: Query, scene: SceneModel) -> tuple[Candidate, ...]:
     return found.candidates if found.status != "not_found" else ()
 
 
-def _note_invisible(queries: Sequence[Query]) -> list[str]:
-    words = [word for one in queries if one.referent is not None for word in one.referent.extra]
-    return [f"no map shows '{word}': it was left out" for word in words]
-
-
 def _along(
     one: Description, left: Sequence[Candidate], listed: Sequence[Candidate], scene: SceneModel
 ) -> list[Candidate]:
@@ -184,7 +180,7 @@ def _read_parts(talk: Conversation, text: str) -> list[Description]:
 
 
 def _read_part(talk: Conversation, part: str) -> Description | None:
-    """Return what a part of a turn says about the candidate that is meant; None if it says anything else."""
+    """Return the description in a part of a turn, empty for chat; None if the part is anything else."""
     lexicon = talk.grounder.lexicon
     reply = read_reply(part, lexicon)
     opens = {*reply.kinds} <= {*_OPENING, "other"}

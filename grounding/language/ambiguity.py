@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from grounding.query import LandmarkRole, Query
-from grounding.vocabulary import ORDINALS, PERSON_NOUNS, VEHICLE_NOUNS
+from grounding.vocabulary import KNOWN_NOUNS, ORDINALS
 
 MAX_READINGS = 6
 _STOPPING_ACTIONS = ("park", "stop", "pull_over")
@@ -58,7 +58,7 @@ def _move_landmark(query: Query) -> Query | None:
     opposite: dict[LandmarkRole, LandmarkRole] = {"referent": "goal", "goal": "referent"}
     for i, landmark in enumerate(query.secondary):
         # A place has one vehicle: at the goal another one would be left out.
-        vehicle = landmark.of == "referent" and landmark.noun in (*VEHICLE_NOUNS, *PERSON_NOUNS)
+        vehicle = landmark.of == "referent" and landmark.noun in KNOWN_NOUNS
         if landmark.of in opposite and landmark.relation not in ("between", "into", "in") and not vehicle:
             moved = replace(landmark, of=opposite[landmark.of])
             return replace(query, secondary=(*query.secondary[:i], moved, *query.secondary[i + 1 :]))

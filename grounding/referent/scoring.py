@@ -75,8 +75,13 @@ def score_objects(query: Query, referent: Referent, scene: SceneModel) -> Refere
     for word in referent.qualifiers_optional:
         if word in QUALIFIERS:
             log_score = log_score + _OPTIONAL_WEIGHT * np.log(np.maximum(QUALIFIERS[word](table), 0.05))
-    invisible = tuple(f"no map shows '{word}': it was left out" for word in referent.extra)
-    return ReferentScores(word_fits, matches, probability, log_score, (*invisible, *note_unmapped(query, scene)))
+    notes = (*note_invisible(referent), *note_unmapped(query, scene))
+    return ReferentScores(word_fits, matches, probability, log_score, notes)
+
+
+def note_invisible(referent: Referent) -> tuple[str, ...]:
+    """Return a sentence for each word of a referent that no map shows, such as "rusty"."""
+    return tuple(f"no map shows '{word}': it was left out" for word in referent.extra)
 
 
 def note_unmapped(query: Query, scene: SceneModel) -> tuple[str, ...]:

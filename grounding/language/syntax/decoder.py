@@ -73,8 +73,7 @@ class Decoder:
         right = self._right_as_written(written)
         for i in range(len(written)):
             kept = sorted(paths[i], key=lambda path: path.cost)[:_BEAM]
-            edges = self._edges(written, i) if i not in right else self._uncorrected(written, i)
-            for end, words, cost in edges if kept else ():
+            for end, words, cost in self._edges(written, i, i in right) if kept else ():
                 paths[end] += self._extended(kept, words, cost, (i, end))
         ends = [(path.cost + self._end_cost(path.last), path) for path in paths[-1]]
         best: dict[tuple[str, ...], Decoded] = {}
@@ -92,16 +91,19 @@ class Decoder:
                 right.update(range(i, match[0]))
         return right
 
-    def _uncorrected(self, written: Sequence[str], i: int) -> Iterator[tuple[int, tuple[str, ...], float]]:
-        """Yield the edges from a written word that is right: itself, and asides."""
-        yield i + 1, (written[i],), 0.0
+    def _edges(self, written: Sequence[str], i: int, right: bool) -> Iterator[tuple[int, tuple[str, ...], float]]:
+        """Yield the edges from a written word, which may be right as written: end, words, cost."""
+        number = len(written) == 1 and written[0].isdigit()  # an answer, and no way to write "to"
+        if right or number:
+            yield i + 1, (written[i],), 0.0
+        else:
+            yield from self._corrected(written, i)
         for end, cost in self._asides.at(written, i):
             yield end, (), cost
 
-    def _edges(self, written: Sequence[str], i: int) -> Iterator[tuple[int, tuple[str, ...], float]]:
-        """Yield the edges from a written word: end, words, cost."""
-        number = len(written) == 1 and written[0].isdigit()  # an answer, and no way to write "to"
-        for words, cost in self._spelling.of(written[i]).items() if not number else [((written[i],), 0.0)]:
+    def _corrected(self, written: Sequence[str], i: int) -> Iterator[tuple[int, tuple[str, ...], float]]:
+        """Yield the edges to what a written word may stand for, alone or joined with the words after it."""
+        for words, cost in self._spelling.of(written[i]).items():
             yield i + 1, words, cost
         if i + 1 < len(written):
             for words, cost in self._spelling.of_pair(written[i], written[i + 1]).items():
@@ -109,8 +111,6 @@ class Decoder:
         for end in range(i + 2, _spelled_end(written, i) + 1):
             if (joined := "".join(written[i:end])) in self._spelling.words:
                 yield end, (joined,), EXTRA_BLANK
-        for end, cost in self._asides.at(written, i):
-            yield end, (), cost
 
     def _extended(
         self, paths: Sequence[_Path], words: tuple[str, ...], cost: float, span: tuple[int, int]

@@ -22,6 +22,17 @@ def park() -> Session:
     return session
 
 
+def told_beside_goal(question: str) -> str:
+    """The answer to a question while a goal is in force, which stays as it is."""
+    session = park()
+    goal = session.goal
+    assert goal is not None
+    answer = told(session, question)
+    assert session.goal is not None
+    assert session.goal.target is goal.target
+    return answer
+
+
 @pytest.mark.parametrize(
     "question",
     [
@@ -113,12 +124,7 @@ def test_distances_are_those_from_the_goal(question: str, expected: str) -> None
     ],
 )
 def test_questions_about_the_plan_leave_it_as_it_is(question: str, expected: str) -> None:
-    session = park()
-    goal = session.goal
-    assert goal is not None
-    assert expected in told(session, question)
-    assert session.goal is not None
-    assert session.goal.target is goal.target
+    assert expected in told_beside_goal(question)
 
 
 @pytest.mark.parametrize(
@@ -157,12 +163,7 @@ def test_who_is_there_and_what_they_do(question: str, expected: str) -> None:
     ],
 )
 def test_a_question_is_not_taken_for_another_one(question: str, expected: str) -> None:
-    session = park()
-    goal = session.goal
-    assert goal is not None
-    assert expected in told(session, question)
-    assert session.goal is not None
-    assert session.goal.target is goal.target
+    assert expected in told_beside_goal(question)
 
 
 @pytest.mark.parametrize("question", ["which way will we go", "what did we ask you to do"])
