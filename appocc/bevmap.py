@@ -75,7 +75,7 @@ class BEVMap:
 
     @property
     def thresholds(self) -> dict[str, float] | None:
-        """Decision threshold of each class, chosen on validation data; None if meta has none.
+        """Decision threshold of each class; None if meta has none.
 
         Raises:
             DataError: if they are not one number in [0, 1] for each class.

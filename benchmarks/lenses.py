@@ -5,7 +5,7 @@
 Simulates drives through the towns that are not in the training data, once for each rig: two of `benchmarks/rigs` and
 the shipped fisheyes, below FOLDER; finished datasets are used as they are. The pictures of lenses are taken ray by
 ray and go the way of a user's: `raw/SCENE/FRAME/CAMERA.jpg`, read, rectified, predicted. IoU is in percent, at the
-thresholds of the weights, over all cells of the grid, and over those within 20 m; the true maps are the same for all.
+thresholds of each map, over all cells of the grid, and over those within 20 m; the true maps are the same for all.
 """
 
 from __future__ import annotations

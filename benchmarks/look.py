@@ -11,7 +11,7 @@ camera; what the images show does not change:
     dark       gamma 1.4
     jpeg       JPEG of quality 30
 
-IoU is at the thresholds of the weights, over all cells, on frames spread evenly over ROOT. The swing of a class is
+IoU is at the thresholds of each map, over all cells, on frames spread evenly over ROOT. The swing of a class is
 its largest minus its smallest IoU, with the unfiltered images among them. docs/model_card.md has the figures of the
 shipped weights.
 """

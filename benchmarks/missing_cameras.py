@@ -4,7 +4,7 @@
 
 A failed camera is left out of the rig, as in `appocc infer`, without a substitute. All subsets of cameras are
 evaluated on the same frames, spread evenly over ROOT: all six subsets of five cameras and of one, and six random ones
-of four, three and two, the same in every run. IoU is at the thresholds of the weights, over all cells of the grid and
+of four, three and two, the same in every run. IoU is at the thresholds of each map, over all cells of the grid and
 over those that a working camera sees by the geometry of the rig; a row is the mean over its subsets, with the worst
 in brackets. The last row is the camera that looks ahead, alone.
 
@@ -168,9 +168,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except AppoccError as error:
         parser.exit(error.exit_code, f"error: {error}\n")
     if options.json:
-        thresholds = dict(predictor.weights.thresholds)
         about = {"root": str(options.root), "frames": len(inputs), "weights": predictor.weights.as_meta()}
-        print(json.dumps({**about, "thresholds": thresholds, "rows": rows}, indent=2))
+        print(json.dumps({**about, "rows": rows}, indent=2))
     else:
         Console(width=170).print(table(rows))
 

@@ -11,14 +11,14 @@ import numpy as np
 
 from appocc.bevmap import CLASSES, bev_folder, load_map
 from appocc.errors import DataError
-from appocc.evaluation.cells import CellCounts, cell_group_masks, count_cells
+from appocc.evaluation.cells import CellCounts, cell_group_masks, count_cells, threshold_rows
 from appocc.frame import Frame
 from appocc.inference.inputs import InferenceInput
 from appocc.inference.predictor import Prediction, Predictor
 
 
 class ComparedPrediction(NamedTuple):
-    """A prediction and its cell counts at the thresholds of the weights, (1, G, 3, 2)."""
+    """A prediction and its cell counts at the thresholds of the map, (1, G, 3, 2)."""
 
     prediction: Prediction
     counts: CellCounts
@@ -65,8 +65,7 @@ def compare(predictor: Predictor, frame: Frame, root: Path, against: str) -> Com
             f"{root}: expected truth on the grid of the weights, {grid.as_array().tolist()}, "
             f"got {truth.grid.as_array().tolist()}"
         )
-    thresholds = np.array([[predictor.weights.thresholds[name] for name in CLASSES]])
     predictor.reset()
     found = predictor(frame)
     masks = cell_group_masks(grid, np.ones(grid.shape, np.bool_), found.seen)
-    return ComparedPrediction(found, count_cells(found.bev, truth, masks, thresholds))
+    return ComparedPrediction(found, count_cells(found.bev, truth, masks, threshold_rows(found.bev.thresholds)[-1:]))

@@ -39,7 +39,7 @@ def _add_parts(
 
 def _class_table(answer: dict[str, Any]) -> Table:
     kept = answer["thresholds"]
-    also = ", and at the thresholds of the weights" if kept else ""
+    also = ", and at the thresholds of the maps (in the mean)" if kept else ""
     table = _table(f"IoU %, at probability 0.5{also}", "cells")
     for head in (*answer["iou"], *(f"{name}\nat {value:.2f}" for name, value in (kept or {}).items())):
         table.add_column(head, justify="right")

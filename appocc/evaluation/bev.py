@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from itertools import islice
@@ -14,7 +14,14 @@ import numpy as np
 from appocc.bevmap import CLASSES
 from appocc.checks import FloatArray, IntArray
 from appocc.errors import DataError
-from appocc.evaluation.bev_frames import EvaluationConfig, FrameComparison, FrameResult, FrameScore, frame_inputs
+from appocc.evaluation.bev_frames import (
+    EvaluationConfig,
+    FrameComparison,
+    FrameResult,
+    FrameScore,
+    frame_inputs,
+    model_of,
+)
 from appocc.evaluation.bootstrap import DRAWS, LEVEL, confidence_interval, resampled_median
 from appocc.evaluation.cells import (
     GROUPS,
@@ -71,8 +78,13 @@ class Evaluation:
     """Result of an evaluation: sums by scene, from which all metrics are computed."""
 
     config: EvaluationConfig
-    thresholds: Mapping[str, float] | None
     scenes: tuple[SceneScores, ...]
+
+    @property
+    def thresholds(self) -> dict[str, float] | None:
+        """Mean thresholds of the maps, by class; None for maps without."""
+        kept = [frame.thresholds for scene in self.scenes for frame in scene.frames if frame.thresholds is not None]
+        return {name: float(np.mean([each[name] for each in kept])) for name in CLASSES} if kept else None
 
     def as_json(self) -> dict[str, Any]:
         """Return all metrics; ratios 0..1, colours 0..255, keys as in docs/evaluation.md."""
@@ -192,11 +204,13 @@ def evaluate(
     for source in (config.source, config.against):
         check_maps_exist(dataset.root, source, samples)
     first = read_map_pair(dataset.root, config.source, config.against, samples[0].token, config.ahead)
-    kept = first.predicted.thresholds
+    rows = len(threshold_rows(first.predicted.thresholds))
     frames = (frame for scene in scenes for frame in frame_inputs(dataset, scene))
-    compared = in_order(pool, FrameComparison(dataset.root, config, kept), frames, FRAMES_AT_ONCE)
-    scored = tuple(_sum_scene(dataset, scene, compared, len(threshold_rows(kept)), advance) for scene in scenes)
-    return Evaluation(config, kept, tuple(scene for scene in scored if scene.samples))
+    compared = in_order(
+        pool, FrameComparison(dataset.root, config, model_of(first.predicted)), frames, FRAMES_AT_ONCE
+    )
+    scored = tuple(_sum_scene(dataset, scene, compared, rows, advance) for scene in scenes)
+    return Evaluation(config, tuple(scene for scene in scored if scene.samples))
 
 
 def _sum_scene(

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from appocc.bevmap import CLASSES, VEHICLE
+from appocc.bevmap import CLASSES, VEHICLE, BEVMap
 from appocc.boxes import Boxes
 from appocc.checks import BoolArray, check_distance
 from appocc.errors import DataError
@@ -54,11 +54,13 @@ class FrameScore(NamedTuple):
         token: token of the sample.
         number: index of the sample in its scene.
         iou: IoU by class at the map's thresholds, else at 0.5; NaN where neither map has a cell.
+        thresholds: the map's thresholds by class; None for maps without.
     """
 
     token: str
     number: int
     iou: Mapping[str, float]
+    thresholds: Mapping[str, float] | None
 
     @property
     def mean_iou(self) -> float:
@@ -112,6 +114,11 @@ def frame_inputs(dataset: Dataset, scene: Scene) -> Iterator[FrameInput]:
         yield FrameInput(sample.token, number, boxes, visibility_levels(dataset, sample))
 
 
+def model_of(bev: BEVMap) -> tuple[Any, bool]:
+    """Return the weights of a map as in its meta, and whether it has thresholds: maps of one model have the same."""
+    return bev.meta.get("weights"), bev.thresholds is not None
+
+
 @dataclass(frozen=True)
 class FrameComparison:
     """The job of a worker: compare the maps of a sample.
@@ -119,12 +126,12 @@ class FrameComparison:
     Attributes:
         root: dataset.
         config: maps and cells to compare.
-        thresholds: thresholds that all evaluated maps have, by class; None for maps without.
+        model: what all evaluated maps must have, `model_of` the first.
     """
 
     root: Path
     config: EvaluationConfig
-    thresholds: Mapping[str, float] | None
+    model: tuple[Any, bool]
 
     def __call__(self, frame: FrameInput) -> FrameResult:
         """Compare the maps of a sample.
@@ -134,15 +141,16 @@ class FrameComparison:
         """
         config = self.config
         pair = read_map_pair(self.root, config.source, config.against, frame.token, config.ahead)
-        if pair.predicted.thresholds != self.thresholds:
-            raise DataError(f"{config.source}: expected maps of one model, got other thresholds in {frame.token}")
-        grid, rows = pair.truth.grid, threshold_rows(self.thresholds)
+        if model_of(pair.predicted) != self.model:
+            raise DataError(f"{config.source}: expected maps of one model, got other weights in {frame.token}")
+        grid, thresholds = pair.truth.grid, pair.predicted.thresholds
+        rows = threshold_rows(thresholds)
         within = np.linalg.norm(grid.centres(), axis=-1) <= (config.range_m or np.inf)
         counts = count_cells(pair.predicted, pair.truth, cell_group_masks(grid, within, pair.seen), rows)
         true = true_vehicles(pair.truth, pair.instance, frame.boxes_ego)
         least = float(rows[-1, VEHICLE])
         vehicles = score_vehicles(pair.predicted, pair.truth, true, within, least, frame.levels)
-        score = FrameScore(frame.token, frame.number, ious(counts.overlap[-1, 0]))
+        score = FrameScore(frame.token, frame.number, ious(counts.overlap[-1, 0]), thresholds)
         return FrameResult(score, counts, _histograms(pair, within), vehicles)
 
 

@@ -11,12 +11,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from appocc.bevmap import CLASSES, BEVMap
+from appocc.bevmap import BEVMap
 from appocc.camera import Camera, CameraRig
 from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray
 from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.geometry import apply, inverse
+from appocc.inference.decision_thresholds import decision_thresholds
 from appocc.inference.exposure import brightening_exponent
 from appocc.inference.second_stage.ground_colours import GroundView
 from appocc.models.base import BEVModel, ViewTransformPlan
@@ -30,7 +31,7 @@ from appocc.objects import BEVObjects
 Refine = Callable[[BEVObjects, ByteArray, Iterable[Camera]], BEVObjects]
 
 # Version of what a map depends on besides its inputs and weights: change it with the values of maps.
-MAP_RULES = 9
+MAP_RULES = 10
 # Lower predicted speeds of vehicles, most of which are parked, and of people are within the error: unknown.
 _LEAST_SPEED_MPS, _LEAST_WALKING_MPS = 2.0, 1.0
 
@@ -42,7 +43,7 @@ class Weights:
     Attributes:
         name: name for display.
         digest: SHA-256 of the file; maps from the same weights need not be predicted again.
-        thresholds: decision threshold of each class, chosen on validation data.
+        thresholds: decision threshold of each class, chosen on validation data; a map has its own, near these.
         object_threshold: lowest score of an object, chosen on validation data.
     """
 
@@ -168,7 +169,8 @@ class Predictor:
             if frame.ego_from_level is not None:
                 objects = replace(objects, centre_m=apply(frame.ego_from_level, objects.centre_m))
         known, coloured = np.broadcast_to(seen, (3, *shape)).copy(), seen & (colour is not None)
-        meta = self._meta(frame, list(rig.channels))
+        thresholds = decision_thresholds(occupancy, seen, spec.grid, self.weights.thresholds)
+        meta = self._meta(frame, list(rig.channels), thresholds)
         bev = BEVMap(spec.grid, occupancy, known, rgb.round().astype(np.uint8), coloured, meta, objects)
         return Prediction(bev, seen)
 
@@ -192,11 +194,11 @@ class Predictor:
             self._cached_plan = (rig, self.model.plan([rig]).to(self._device))
         return self._cached_plan[1]
 
-    def _meta(self, frame: Frame, channels: list[str]) -> dict[str, Any]:
+    def _meta(self, frame: Frame, channels: list[str], thresholds: dict[str, float]) -> dict[str, Any]:
         return {
             "source": "predicted",
             "weights": self.weights.as_meta(),
-            "thresholds": {name: float(self.weights.thresholds[name]) for name in CLASSES},
+            "thresholds": thresholds,
             **({"object_threshold": self.weights.object_threshold} if self.model.parts.objects else {}),
             "setting": self.model.spec.name,
             "cameras": channels,

@@ -116,7 +116,7 @@ def _facts(content: ReportContent) -> list[tuple[str, str]]:
         facts.append(("Cameras", ", ".join(map(str, cameras))))
     if content.first.thresholds is not None:
         kept = ", ".join(f"{name} {value:.2f}" for name, value in content.first.thresholds.items())
-        facts.append(("Decision thresholds", f"{kept} (chosen on validation data)"))
+        facts.append(("Decision thresholds", f"{kept} (of the first map)"))
     return facts
 
 

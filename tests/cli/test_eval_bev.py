@@ -70,7 +70,7 @@ def test_the_truth_scores_perfectly(street: TinyDataset) -> None:
 def test_a_prediction_is_evaluated_at_half_and_at_its_thresholds(street: TinyDataset) -> None:
     value = answer(street.root, "model")
     assert value["iou"] == {"road": 0.0, "vehicle": 0.0, "lane": None}
-    assert value["thresholds"] == THRESHOLDS
+    assert value["thresholds"] == pytest.approx(THRESHOLDS)
     assert value["iou_at_threshold"]["road"] == 1
     # Cars are 11 or 12 cells long; 2 cells at each end are wrong.
     assert value["iou_at_threshold"]["vehicle"] == pytest.approx(10 / 14, abs=0.04)

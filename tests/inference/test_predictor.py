@@ -17,6 +17,7 @@ from appocc.frame import Frame
 from appocc.inference import loading
 from appocc.inference.exposure import DARK
 from appocc.inference.loading import load_predictor
+from appocc.inference.decision_thresholds import decision_thresholds
 from appocc.inference.predictor import select_cameras
 from appocc.levelling import ground_pose
 from appocc.models.model_spec import MODEL_SPECS
@@ -45,7 +46,8 @@ def test_a_map_says_what_the_network_said(tiny: TinyDataset) -> None:
     assert np.abs(bev.appearance[:, 0, 0].astype(int) - [160, 80, 40]).max() <= 2  # RGB of the tiny dataset's images
     assert seen.all()
     assert bev.meta["weights"] == {"name": "made", "sha256": "d1"}
-    assert bev.meta["thresholds"] == {"road": 0.5, "vehicle": 0.4, "lane": 0.5}
+    validated = {"road": 0.5, "vehicle": 0.4, "lane": 0.5}
+    assert bev.meta["thresholds"] == decision_thresholds(bev.occupancy, seen, bev.grid, validated)
     assert (bev.meta["token"], bev.meta["timestamp_us"]) == (frame.token, frame.timestamp_us)
     assert bev.meta["cameras"] == ["CAM_FRONT", "CAM_BACK"]
 
