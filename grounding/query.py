@@ -9,10 +9,11 @@ from grounding.vocabulary import Action, Manoeuvre, Pace, Relation, Trigger
 
 # Relations of landmarks and exclusions, in addition to those of the goal.
 Placement = Literal["in", "into", "on", "until", "around"]
-# "with" and "of" come only from the parser: "the driver with the dog".
-LandmarkRelation = Relation | Placement | Literal["with", "of", "for"]
-# The thing that has the relation to the landmark; "inverse": the landmark has it to the referent.
-LandmarkRole = Literal["goal", "referent", "inverse"]
+# "with" and "of" come only from the parser: "the driver with the dog"; "closest_to" only from the resolver.
+LandmarkRelation = Relation | Placement | Literal["with", "of", "for", "closest_to"]
+# The thing that has the relation to the landmark; "inverse": the landmark has it to the referent; "partner": the other
+# end of "between" has it to the referent.
+LandmarkRole = Literal["goal", "referent", "inverse", "partner"]
 # Origin of the goal relation: the referent or the first landmark.
 Anchor = Literal["referent", "secondary"]
 Direction = Literal["left", "right", "around", "straight"]
@@ -115,7 +116,7 @@ class Landmark:
         noun: vehicle nouns as in `Referent`, others such as lamp_post.
         relation: relation to the landmark.
         of: "goal": the goal has the relation; "referent": the referent has it; "inverse": the landmark has it to the
-            referent.
+            referent; "partner": the other end of "between" has it to the referent.
         colour: as in `Referent`.
         qualifiers: as in `Referent`.
     """

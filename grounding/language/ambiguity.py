@@ -57,9 +57,10 @@ def _move_landmark(query: Query) -> Query | None:
         return None
     opposite: dict[LandmarkRole, LandmarkRole] = {"referent": "goal", "goal": "referent"}
     for i, landmark in enumerate(query.secondary):
-        # A place has one vehicle: at the goal another one would be left out.
-        vehicle = landmark.of == "referent" and landmark.noun in KNOWN_NOUNS
-        if landmark.of in opposite and landmark.relation not in ("between", "into", "in") and not vehicle:
+        # A place has one vehicle: at the goal another one would be left out. "The car nearest the crossing" is one phrase.
+        measure = landmark.relation == "toward" and "nearest" in query.referent.qualifiers
+        fixed = landmark.of == "referent" and (landmark.noun in KNOWN_NOUNS or measure)
+        if landmark.of in opposite and landmark.relation not in ("between", "into", "in") and not fixed:
             moved = replace(landmark, of=opposite[landmark.of])
             return replace(query, secondary=(*query.secondary[:i], moved, *query.secondary[i + 1 :]))
     return None

@@ -19,7 +19,7 @@ from grounding.referent.rows import end_of_row, names_queue
 from grounding.referent.scene import SceneModel
 from grounding.referent.scoring import ReferentScores, note_unmapped, score_objects
 from grounding.referent.sought import by_vehicle, with_sought_referent
-from grounding.referent.spatial_relations import fit_between, footprint_gap_m
+from grounding.referent.spatial_relations import fit_between, fit_relation, footprint_gap_m
 from grounding.road.pose import Pose2D
 from grounding.scene_object import SceneObject
 from grounding.vocabulary import COLOURS, KNOWN_NOUNS, PERSON_NOUNS
@@ -35,6 +35,8 @@ _LEAST_ORDINAL_PROBABILITY = 0.05
 _LACKING_FIT = 0.12
 # The two of a pair are this close; factor for pairs between which no car fits.
 _PAIR_SIGMA_M, _NO_ROOM, _MAX_PAIRS = 10.0, 0.1, 40
+# Least fit of the other end of a pair in its relation to the first.
+_LEAST_PARTNER_FIT = 0.02
 
 ResolutionStatus = Literal["ok", "ambiguous", "not_found"]
 
@@ -296,6 +298,9 @@ def _rank_pairs(
     else:
         fit = gaussian(footprint_gap_m(table, rows)[rows], _PAIR_SIGMA_M)
     score = scores.log_score[rows, None] + other.log_score[rows] + np.log(_NO_ROOM + (1 - _NO_ROOM) * fit)
+    for part in query.secondary:
+        if part.of == "partner":  # "between the van and the car behind it"
+            score += np.log(fit_relation(part.relation, table, rows)[rows].T + _LEAST_PARTNER_FIT)
     possible = scores.matches[rows, None] & other.matches[rows] & ~np.eye(len(rows), dtype=np.bool_)
     if not between:
         possible = np.triu(possible)

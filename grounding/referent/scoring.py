@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from appocc.checks import BoolArray, FloatArray
+from appocc.checks import BoolArray, FloatArray, IntArray
 from grounding.query import Exclusion, Landmark, Query, Referent
 from grounding.referent.object_table import ObjectTable
 from grounding.referent.ordinals import find_ordinals, lead_probability, lead_side, ordinal_probability
 from grounding.referent.predicates import QUALIFIERS, fit_words, to_referent
-from grounding.referent.priors import counting_prior, log_action_prior, log_salience
+from grounding.referent.priors import counting_prior, is_behind, log_action_prior, log_salience
 from grounding.referent.scene import SceneModel
-from grounding.referent.spatial_relations import fit_relation
+from grounding.referent.spatial_relations import fit_relation, footprint_gap_m
 from grounding.vocabulary import KNOWN_NOUNS, LANDMARK_KINDS, ORDINALS
 
 # Least membership of a match in each word, and of the product of all words.
@@ -32,6 +32,8 @@ _LEAST_LANDMARK_PROBABILITY = 0.05
 _AT_M, _AT_SPREAD_M = 4.0, 4.0
 # Standard deviation of the logarithm of a stated distance: about a quarter.
 _LOG_DISTANCE_STD = 0.25
+# Scale of the difference of gaps by which one is closer, and the farthest gap.
+_CLOSER_M, _FAR_M = 1.5, 1000.0
 _TINY = 1e-9
 
 
@@ -102,10 +104,12 @@ def _fit_all_words(query: Query, referent: Referent, scene: SceneModel) -> dict[
     """Return the membership (N,) in the words of a referent, its landmarks, its distance and the exclusions."""
     word_fits = fit_words(referent, scene)
     for part in query.secondary:
-        if part.of != "goal" and part.noun in KNOWN_NOUNS:
-            word_fits |= _fit_landmark(part, scene)
+        found: dict[str, FloatArray] = {}
+        if part.of in ("referent", "inverse") and part.noun in KNOWN_NOUNS:
+            found = _fit_landmark(part, scene, _product(word_fits))
         elif _is_on_map(part, scene):
-            word_fits |= _fit_map_landmark(part, scene)
+            found = _fit_map_landmark(part, scene, _product(word_fits))
+        word_fits |= found
     if query.distance_of == "descriptor" and query.distance_m:
         word_fits[f"{query.distance_m:g} m away"] = _fit_distance(query.distance_m, scene)
     for exclusion in query.excluded:
@@ -163,8 +167,8 @@ def _product(word_fits: Mapping[str, FloatArray]) -> FloatArray:
     return np.asarray(np.prod(list(word_fits.values()), axis=0))
 
 
-def _fit_landmark(part: Landmark, scene: SceneModel) -> dict[str, FloatArray]:
-    """Return the membership (N,) in a relation to the best landmark: "in front of the truck"."""
+def _fit_landmark(part: Landmark, scene: SceneModel, plain: FloatArray) -> dict[str, FloatArray]:
+    """Return the membership (N,) in a relation to the best landmark, given that in the other words."""
     table, landmark = scene.table, to_referent(part)
     if part.noun == "motorcycle" and "motorcycle" not in table.class_names:
         landmark = replace(landmark, head="bike")  # which may be a bicycle
@@ -176,9 +180,22 @@ def _fit_landmark(part: Landmark, scene: SceneModel) -> dict[str, FloatArray]:
         fit = fit_relation(part.relation, table, np.arange(len(table)))[chosen].T
         words = f"the {words} {relation} it"
     else:
-        fit = fit_relation(part.relation, table, chosen)
+        closest = part.relation == "closest_to"
+        fit = (
+            _fit_closest(footprint_gap_m(table, chosen), chosen, plain)
+            if closest
+            else fit_relation(part.relation, table, chosen)
+        )
         words = f"{relation} the {words}"
     return {words: np.max(fit * probability[chosen], axis=1, initial=0.0)}
+
+
+def _fit_closest(gap_m: FloatArray, chosen: IntArray, plain: FloatArray) -> FloatArray:
+    """Return the membership (N, M) in "closest to m" by the gaps (N, M), among those that the other words fit."""
+    gap_m = gap_m.copy()
+    gap_m[chosen, np.arange(len(chosen))] = np.inf  # no object is the closest to itself
+    least_m = np.min(gap_m, axis=0, where=(plain >= _LEAST_WORD_FIT)[:, None], initial=_FAR_M)
+    return np.asarray(np.exp(-np.maximum(gap_m - least_m, 0.0) / _CLOSER_M))
 
 
 def _is_on_map(part: Landmark | Exclusion, scene: SceneModel) -> bool:
@@ -187,11 +204,16 @@ def _is_on_map(part: Landmark | Exclusion, scene: SceneModel) -> bool:
     return described and scene.landmarks.knows(LANDMARK_KINDS.get(part.noun, ""))
 
 
-def _fit_map_landmark(part: Landmark, scene: SceneModel) -> dict[str, FloatArray]:
+def _fit_map_landmark(part: Landmark, scene: SceneModel, plain: FloatArray) -> dict[str, FloatArray]:
     """Return the membership (N,) in being by a landmark of the vector map: "the van at the crossing"."""
     table = scene.table
     away_m = scene.landmarks.distances_m(LANDMARK_KINDS[part.noun], table.xy_m) - table.size_m[:, 0] / 2
     fit = np.exp(-0.5 * (np.maximum(away_m - _AT_M, 0.0) / _AT_SPREAD_M) ** 2)
+    if part.relation == "closest_to":
+        ahead = plain * ~is_behind(table)  # a landmark that we have passed is not meant
+        fit = _fit_closest(
+            away_m[:, None], np.zeros(0, np.int64), ahead if (ahead >= _LEAST_WORD_FIT).any() else plain
+        )[:, 0]
     return {f"{part.relation} the {part.noun}".replace("_", " "): fit}
 
 

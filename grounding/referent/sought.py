@@ -28,7 +28,7 @@ def with_sought_referent(query: Query) -> Query:
     if "nearest" in referent.qualifiers and any(_is_measure(part) for part in secondary):
         # "The car closest to the van": nearest to the van, not to us.
         referent = replace(referent, qualifiers=tuple(one for one in referent.qualifiers if one != "nearest"))
-        secondary = tuple(replace(part, relation="near") if _is_measure(part) else part for part in secondary)
+        secondary = tuple(replace(part, relation="closest_to") if _is_measure(part) else part for part in secondary)
         query = replace(query, referent=referent, secondary=secondary)
     if _drives(query, referent):
         referent = replace(referent, noun="vehicle")

@@ -88,7 +88,7 @@ def account_for(
         repaired: whether the text corrects itself, or was corrected: then no dropped word is mere context.
     """
     whole = build(tokens)
-    without_effect = (_is_group, _is_first_spot)
+    without_effect = (_is_group, _is_first_spot, _is_kept_anyway)
     content = [
         i for i, token in enumerate(tokens) if _is_content(token) and not any(f(tokens, i) for f in without_effect)
     ]
@@ -181,6 +181,12 @@ def _is_first_spot(tokens: Sequence[Token], i: int) -> bool:
     """Return whether a word asks for the first or the nearest place, which is taken anyway: "the next free space"."""
     noun = next((one for one in tokens[i + 1 :] if one.category not in MODIFIERS), None)
     return tokens[i].value in _FIRST and noun is not None and noun.category is WordCategory.SPOT
+
+
+def _is_kept_anyway(tokens: Sequence[Token], i: int) -> bool:
+    """Return whether a word asks for the distance that a follower keeps anyway: "follow it at a safe distance"."""
+    distance = tokens[i].category is WordCategory.DISTANCE and tokens[i].form != "counted"
+    return distance and any(token.value == "follow" for token in tokens[:i])
 
 
 def _is_doubtful(tokens: Sequence[Token], i: int) -> bool:

@@ -262,7 +262,7 @@ def _landmarks(
             if intent.frame.inverse_relation and i == last:
                 yield _landmark(thing, intent.frame.inverse_relation, "inverse")
             elif relation not in _NOT_SPATIAL and _is_landmark(thing) and not _is_manner(relation, thing):
-                yield _landmark(thing, relation, "goal")
+                yield from _ends(relation, thing, referent) or (_landmark(thing, relation, "goal"),)
         turns = intent.frame.direction in ("left", "right") and referent is None
         if turns and "behind_ego" in intent.frame.goal_qualifiers:
             yield Landmark("road", "into", qualifiers=("behind_ego",))  # "turn left where we just came past"
@@ -279,6 +279,19 @@ def _landmarks(
         beside = _other_vehicle(discourse, referent, other) if other.kind == "pronoun" else other
         if beside is not None and beside is not referent and relation not in _NOT_SPATIAL and _is_landmark(beside):
             yield _landmark(beside, relation, "referent")
+
+
+def _ends(relation: str, thing: NounPhrase, referent: NounPhrase | None) -> tuple[Landmark, ...]:
+    """Return the other end of "between" and how it stands to the referent: "the van and the car behind it"."""
+    if relation != "between" or referent is None:
+        return ()
+    end, related = (
+        _landmark(thing, relation, "goal"),
+        [one for one, other in thing.related if other.kind == "pronoun"],
+    )
+    if "next" in end.qualifiers and not related:  # "between the van and the next car"
+        end, related = replace(end, qualifiers=tuple(one for one in end.qualifiers if one != "next")), ["past"]
+    return end, *(_landmark(referent, one, "partner") for one in related)
 
 
 def _other_vehicle(discourse: Discourse, referent: NounPhrase | None, pronoun: NounPhrase) -> NounPhrase | None:

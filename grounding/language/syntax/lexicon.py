@@ -23,13 +23,12 @@ DEFAULT_PATH = Path(__file__).parent / "data" / "lexicon.txt"
 _NO_SECTIONS = (
     WordCategory.COMMA,
     WordCategory.BREAK,
-    WordCategory.DISTANCE,
     WordCategory.BRANCH,
     WordCategory.UNKNOWN,
 )
 _SECTIONS = {category.value: category for category in WordCategory if category not in _NO_SECTIONS}
 # Categories whose value is a number: a count, metres, and the cost (nats) of leaving a hesitation out.
-_NUMERIC = (WordCategory.NUMBER, WordCategory.UNIT, WordCategory.HESITATION)
+_NUMERIC = (WordCategory.NUMBER, WordCategory.UNIT, WordCategory.DISTANCE, WordCategory.HESITATION)
 _VERB_STATES = (*STATES, "own_lane", "facing_us", "touching")
 _MAX_BYTES = 1_000_000
 # Longest phrase in words, and most matches that are kept for the next text.

@@ -115,6 +115,7 @@ def _distance(tokens: Sequence[Token], metres: float) -> Token:
     return Token(
         category=WordCategory.DISTANCE,
         value=f"{metres:.10g}",
+        form="counted",
         text=text,
         written=written,
         start=tokens[0].start,

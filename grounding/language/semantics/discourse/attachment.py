@@ -24,6 +24,9 @@ _PEOPLE_AS_THINGS = ("stop", "take", "leave", "get")
 
 def attach_phrase(state: DiscourseState, phrase: NounPhrase) -> None:
     """Attach a noun phrase by the open arguments and flags of the state."""
+    noun = state.open_phrase
+    if state.open_relation is None and noun is not None and noun.postmodifiers[-1:] == ["nearest"]:
+        state.open_relation = "toward"  # "the car nearest the van"
     own_car = phrase.kind == "ego" and " " in phrase.head and state.auxiliary and not state.open_relation
     if own_car:  # "that is our car"
         noun = phrase.head.split()[-1]
@@ -166,7 +169,7 @@ def _attach_after_verb(state: DiscourseState, frame: CommandFrame, phrase: NounP
     ):
         _attach_object(state, frame, phrase)
     elif _is_other_end(state) and frame.target is not None:
-        if phrase.kind == "one":
+        if phrase.kind == "one" and state.next_kind != "relation":  # not "the white van and the one behind it"
             phrase.take_noun(frame.target)  # "between the silver car and the black one"
         if phrase.kind == "one":
             phrase.kind = phrase.noun = "vehicle"  # "between the silver one and the black one"

@@ -246,6 +246,8 @@ def handle_lane(state: DiscourseState, token: Token) -> None:
 
 def handle_distance(state: DiscourseState, token: Token) -> None:
     """Open a distance: a gap before a relation, a travel distance alone, a descriptor after a noun."""
+    if token.form != "counted" and state.host_frame.verb_class == "follow":
+        return  # "at a safe distance": a follower keeps one
     state.open_distance_m = float(token.value)
     continues = state.next_kind in _BEFORE_REFERENCE
     noun_follows = bool(state.remaining) and isinstance(state.remaining[0], NounPhrase)
@@ -260,8 +262,15 @@ def handle_distance(state: DiscourseState, token: Token) -> None:
             state.remaining.pop(0)
         elif not continues:
             attach_distance(state, "travel")  # "in 20 metres"
-    elif state.open_phrase is not None and not continues:
+    elif not continues and (state.open_phrase is not None or _ends_place(state)):
         attach_distance(state, "gap")
+
+
+def _ends_place(state: DiscourseState) -> bool:
+    """Return whether a distance ends a command with a place at a vehicle: "behind the van, not too close"."""
+    frame = state.host_frame
+    placed = frame.target is not None and frame.relation != "none" and frame.verb_class in _STANDING
+    return placed and state.next_kind == ""
 
 
 def handle_away(state: DiscourseState, token: Token) -> None:
