@@ -154,13 +154,14 @@ class Answer:
             "referent": None if self.referent is None else self.referent.item.id,
             "target": target_to_dict(self.target) if self.target else None,
             "pace": self.pace,
+            "later": self.plan.later,
             "route": None if self.plan.route is None else [round_to_mm(point) for point in self.plan.route],
         }
 
     def step_text(self) -> str:
         """Return a step of a plan in one line."""
         done = f" until: {self.awaits}" if self.awaits else ""
-        place: str = self.pace or self.status
+        place: str = self.pace or ("later" if self.plan.later else self.status)
         if self.target:
             place = f"({self.target.ego_m[0]:.1f}, {self.target.ego_m[1]:.1f}) m"
         return f"{describe_step(self.query, self.referent, self.scene)}{done}: {place.replace('_', ' ')}"

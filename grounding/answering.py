@@ -31,7 +31,7 @@ from grounding.referent.resolver import (
     with_partner,
 )
 from grounding.referent.scene import SceneModel
-from grounding.requests import Request, after_turns, requests_of, without_referent
+from grounding.requests import Request, after_passing, after_turns, requests_of, without_referent
 from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
@@ -42,6 +42,8 @@ _NO_REFERENT_SCORE, _NO_GOAL_SCORE = -200.0, -100.0
 _MAX_GOAL_CANDIDATES = 4
 # Other candidates of a definite referent that are tried if there is no place at the best one.
 _MAX_OTHERS = 2
+# A step that begins this near to the end of the map and has no place is planned later.
+_MAP_END_M = 20.0
 
 
 def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Answer:
@@ -111,15 +113,18 @@ def answer_steps(
         The answer to the primary step with all steps, or that to the first step that fails.
     """
     steps, start = list[Answer](), None
-    for request in _turn_beyond(after_turns(requests), scene):
+    for request in _turn_beyond(after_passing(after_turns(requests)), scene):
         turned = start is not None and steps[-1].query.direction in ("left", "right")
-        steps.append(answer_step(request, scene, limit=limit, start=start, turned=turned))
+        step = answer_step(request, scene, limit=limit, start=start, turned=turned)
+        steps.append(step if start is None else _later_beyond_map(step, scene, start))
         if (target := steps[-1].target) is not None:
             start = Pose2D(float(target.ego_m[0]), float(target.ego_m[1]), target.heading_ego_rad)
     failed = next((i for i, step in enumerate(steps) if step.status != "ok"), None)
     shown = (primary % len(steps)) if failed is None else failed
+    if failed is None and steps[shown].plan.later:
+        shown = max(i for i, step in enumerate(steps) if not step.plan.later)
     about = steps[shown]
-    reasons = about.reasons
+    reasons = (*about.reasons, *(one.reasons[-1] for one in steps if one.plan.later))
     if failed is not None and len(steps) > 1:
         reasons = (f"step {failed + 1} of {len(steps)} ('{steps[failed].query.action}') fails", *reasons)
 
@@ -135,6 +140,19 @@ def answer_steps(
         confidence=min(step.confidence for step in steps),
         chooser=choose,
     )
+
+
+def _later_beyond_map(step: Answer, scene: SceneModel, start: Pose2D) -> Answer:
+    """Return a step without a place as one for later, if it begins where the map ends and names no vehicle."""
+    road = scene.road_from(start)
+    found = step.status != "not_found" or step.plan.refused or step.query.referent is not None
+    if found or road is None or road.ego_lane.at_road_end or road.ego_lane.end_m > _MAP_END_M:
+        return step
+    named = describe_step(step.query, None, scene)
+    reason = (
+        f"'{named}' is planned once more of the road is seen: the map ends {max(road.ego_lane.end_m, 0):.0f} m beyond"
+    )
+    return replace(step, status="ok", plan=GoalPlan(None, (reason,), later=True), question="", reasons=(reason,))
 
 
 def _turn_beyond(requests: Sequence[Request], scene: SceneModel) -> Sequence[Request]:

@@ -67,7 +67,8 @@ def describe_step(query: Query, referent: Candidate | None, scene: SceneModel) -
     named = "" if query.referent is None else f"the {query.referent.phrase()}"
     if referent is not None:
         named = f"the {describe_candidate(referent, scene)}"
-    words = (verb_of(query.action, query.relation), relation, named, side)
+    verb = verb_of(query.action, query.relation)
+    words = (verb, "" if verb.endswith(relation) else relation, named, side)  # "drive past", not "drive past past"
     if query.action == "other" and not any(words[1:]):
         return "carry on"
     return " ".join(word.replace("_", " ") for word in words if word)

@@ -11,8 +11,8 @@ from grounding.vocabulary import Action, Manoeuvre, Pace, Relation, Trigger
 Placement = Literal["in", "into", "on", "until", "around"]
 # "with" and "of" come only from the parser: "the driver with the dog"; "closest_to" only from the resolver.
 LandmarkRelation = Relation | Placement | Literal["with", "of", "for", "closest_to"]
-# The thing that has the relation to the landmark; "inverse": the landmark has it to the referent; "partner": the other
-# end of "between" has it to the referent.
+# The thing that has the relation to the landmark; "inverse": the landmark has it to the referent; "partner": the
+# other end of "between" has it to the referent.
 LandmarkRole = Literal["goal", "referent", "inverse", "partner"]
 # Origin of the goal relation: the referent or the first landmark.
 Anchor = Literal["referent", "secondary"]

@@ -117,6 +117,19 @@ def after_turns(requests: Sequence[Request]) -> Sequence[Request]:
     return placed
 
 
+def after_passing(requests: Sequence[Request]) -> Sequence[Request]:
+    """Return steps in which the place past a vehicle that the step before passes is where that step ends."""
+    placed = list(requests)
+    for i, (step, following) in enumerate(pairwise(requests), start=1):
+        query, passed = following.query, step.query
+        passes = passed.action in ("overtake", "drive_past") and query.relation == "past" and query.action in STOPS
+        named, meant = passed.referent, query.referent
+        if passes and named and meant and named == replace(meant, head=named.head, anaphora=named.anaphora):
+            query = replace(query, relation="none", landmark=None, referent=None)
+            placed[i] = replace(following, reading=following.reading.with_query(query), chosen=None)
+    return placed
+
+
 def without_referent(request: Request, reasons: Sequence[str]) -> Request:
     """Return a step without its vehicle, which only told why: "slow down, there's a bus"; noted with reasons."""
     reading, query = request.reading, replace(request.query, referent=None, landmark=None)

@@ -85,6 +85,8 @@ def propose_in_line(relation: str, query: Query, item: SceneObject, road: RoadMa
     front, reasons = reference.front_direction(word)
     sign = -1.0 if relation == "behind" else 1.0
     along, lateral = reference.offsets(front)
+    free = query.action == "follow" or query.distance_of == "referent"
+    most_m = gaps.most_m if free else min(gaps.most_m, _free_m(reference, front, sign))
     # In a narrow gap one heading may be valid where the other is not. Across the road only the vehicle's own is used.
     headings = [reference.aligned_heading_rad]
     if not reference.is_across:
@@ -98,7 +100,7 @@ def propose_in_line(relation: str, query: Query, item: SceneObject, road: RoadMa
     found = []
     for number, heading in enumerate(headings):
         gap = sign * along - item.length_m / 2 - reference.ego_half_extent_m(heading - front)
-        region = (gap >= gaps.least_m) & (gap <= gaps.most_m) & (np.abs(lateral) <= IN_LINE_M)
+        region = (gap >= gaps.least_m) & (gap <= most_m) & (np.abs(lateral) <= IN_LINE_M)
         cost = gap_cost(gap, gaps.preferred_m) + (lateral / LATERAL_M) ** 2 + number * _SECOND_HEADING
         found.append(
             reference.candidates_in(
@@ -106,6 +108,19 @@ def propose_in_line(relation: str, query: Query, item: SceneObject, road: RoadMa
             )
         )
     return found, reasons
+
+
+def _free_m(reference: ReferenceVehicle, front: float, sign: float) -> float:
+    """Return the gap ahead of a vehicle (1) or behind it (-1) up to the next one in line with it."""
+    item, turn = reference.item, np.array([np.cos(front), np.sin(front)])
+    others = (one for one in reference.road.free_space.objects if one.id != item.id)
+    offsets_m = ((one, one.centre_m - item.centre_m) for one in others)
+    in_line = [
+        sign * float(off @ turn) - (item.length_m + one.length_m) / 2
+        for one, off in offsets_m
+        if abs(off[1] * turn[0] - off[0] * turn[1]) < IN_LINE_M and sign * float(off @ turn) > 0
+    ]
+    return min(in_line, default=np.inf)
 
 
 def _from_here_on(gaps: DistanceRange, reference: ReferenceVehicle) -> DistanceRange:

@@ -15,8 +15,8 @@ from grounding.road.road_map import RoadMap
 _IN_LANE_M, _LATERAL_M = 1.6, 0.6
 # Tolerance of the next lane's offset; distance of a lane change and standard deviation of its cost.
 _LANE_SLACK_M, CHANGE_M, _CHANGE_SPREAD_M = 1.2, DistanceRange(8.0, 15.0, 25.0), 6.0
-# Least share of road in a lane.
-_LANE_SHARE = 0.9
+# Least share of road in a lane, and share of parked vehicles from which on it is their row.
+_LANE_SHARE, _PARKED_SHARE = 0.9, 0.25
 # Cost of candidates beyond an obstacle in the lane.
 _BEYOND = 3.0
 # Gap to the road edge: preferred, standard deviation of its cost, and how much greater it may be.
@@ -42,11 +42,13 @@ def propose_next_lane(road: RoadMap, side: str | None) -> list[CandidateSet]:
 
 
 def has_kerb_lane(road: RoadMap) -> bool:
-    """Return whether there is a lane between ours and the kerb on our side."""
+    """Return whether there is a lane between ours and the kerb on our side, and no row of parked vehicles."""
     offset_m = -road.traffic_side * LANE_M
     there = (road.along_m >= CHANGE_M.least_m) & (road.along_m <= CHANGE_M.most_m)
     there &= np.abs(road.lateral_m - offset_m) <= road.ego.width_m / 2
-    return bool(there.any() and road.drivable[there].mean() > _LANE_SHARE)
+    taken = (road.free_space.cell_flags & TAKEN) > 0
+    is_lane = there.any() and road.drivable[there].mean() > _LANE_SHARE
+    return bool(is_lane and taken[there].mean() < _PARKED_SHARE)
 
 
 def _along_lane(

@@ -25,7 +25,7 @@ from grounding.goal.limits import (
     standing_cost,
 )
 from grounding.goal.proposals import explain_refusal, propose_candidates, propose_relation
-from grounding.goal.search import CandidateSearch
+from grounding.goal.search import LEAVES_ROAD, CandidateSearch
 from grounding.goal.traffic import (
     TOWARDS,
     comes_towards_us,
@@ -115,6 +115,7 @@ class GoalPlan:
         instead: action that the question proposes; None if it is about `nearest`.
         pace: what the command asks for instead of a place; None if it asks for a place.
         refused: whether the command asks for what no driver should do.
+        later: whether the place lies beyond the map: it is planned once more of the road is seen.
         around_m: (2,) point, ego frame, around which `with_nearest` looks for the nearest place; None if there is
             nothing to look for.
     """
@@ -129,12 +130,13 @@ class GoalPlan:
     instead: Action | None = None
     pace: Pace | None = None
     refused: bool = False
+    later: bool = False
     around_m: FloatArray | None = None
 
     @property
     def score(self) -> float | None:
-        """Score of the goal, 1 for a speed or a state; None if there is neither."""
-        return self.target.score if self.target else 1.0 if self.pace else None
+        """Score of the goal, 1 for a speed, a state or a later place; None if there is none of them."""
+        return self.target.score if self.target else 1.0 if self.pace or self.later else None
 
     @property
     def route(self) -> FloatArray | None:
@@ -342,8 +344,9 @@ def _explain_target(search: CandidateSearch, chosen: GoalCandidate, way: CarRout
     other_sets = [each for each in search.candidate_sets if each.words != chosen.candidates.words]
     others = [other for each in other_sets if (other := search.unconstrained_best(each))]
     better = min(others, key=lambda other: other.cost, default=chosen)
-    if better.cost < chosen.cost - 1e-9:
-        violation = search.explain_violation(better)
+    violation = search.explain_violation(better)
+    # The kerb side of a vehicle at the kerb is no place that anybody thinks of.
+    if better.cost < chosen.cost - 1e-9 and violation != LEAVES_ROAD:
         reasons.append(f"{better.candidates.words} would be better, but the best place there {violation}")
     along, lateral = float(road.along_m[chosen.cell]), float(road.lateral_m[chosen.cell])
     if along < -_MOVED_M and abs(lateral) < _IN_LANE_M:

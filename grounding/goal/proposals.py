@@ -33,7 +33,7 @@ _RELATION_OF = {
 }
 # Distance ahead in the ego lane to stop, go on, slow down and creep, along the road edge, and backwards.
 _STOP_M, _ON_M = DistanceRange(0.0, 8.0, 25.0), DistanceRange(12.0, 20.0, 34.0)
-_SLOW_M, _EDGE_M = DistanceRange(3.0, 10.0, 25.0), DistanceRange(4.0, 5.0, 30.0)
+_SLOW_M, _EDGE_M = DistanceRange(3.0, 10.0, 25.0), DistanceRange(2.0, 5.0, 30.0)
 _CREEP_M, _BACK_M = DistanceRange(0.8, 2.5, 6.0), 3.0
 _SHORT_OF_M = 5.0
 # Distance ahead to turn round, and beyond the vehicle to which we come back then.
@@ -207,11 +207,11 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
     lanes = [word for part in query.secondary if part.noun == "lane" for word in part.qualifiers]
     if action == "other" and {*lanes} & {"left_lane", "right_lane"} and not query.direction:
         return ego_lane.propose_in_lane(road, _ON_M, "in our lane"), ["the lane to stay in is taken to be ours"]
-    at_kerb = "right_lane" if road.traffic_side > 0 else "left_lane"
-    if action == "change_lane" and at_kerb in lanes and not ego_lane.has_kerb_lane(road):
-        return ego_lane.propose_in_lane(road, _ON_M, "in our lane"), ["that lane is ours: we keep it"]
+    asked, kerb_side = query.direction or side, "right" if road.traffic_side > 0 else "left"
+    to_kerb = action == "change_lane" and (f"{kerb_side}_lane" in lanes or asked == kerb_side)
+    if to_kerb and not ego_lane.has_kerb_lane(road):
+        return ego_lane.propose_in_lane(road, _ON_M, "in our lane"), [f"the {kerb_side} lane is ours: we keep it"]
     if action == "change_lane":
-        asked = query.direction or side
         unknown = "the map counts no lanes" if "middle_lane" in lanes else "no side is named"
         reasons = [] if asked else [f"{unknown}: either lane will do"]
         return ego_lane.propose_next_lane(road, asked), [*reasons, *_note_lane_end(road, ego_lane.CHANGE_M.least_m)]
@@ -253,9 +253,10 @@ def _propose_beyond_lane_end(road: RoadMap, ahead: DistanceRange) -> Sequence[Ca
 
 
 def _note_lane_end(road: RoadMap, before_m: float) -> list[str]:
-    """Return a note if the ego lane ends before a distance."""
+    """Return a note if the ego lane, or the map, ends before a distance."""
     end_m = road.ego_lane.end_m
-    return [f"our lane ends {max(end_m, 0.0):.0f} m ahead"] if end_m < before_m + 1.0 else []
+    what = "our lane" if road.ego_lane.at_road_end else "the map of our lane"
+    return [f"{what} ends {max(end_m, 0.0):.0f} m ahead"] if end_m < before_m + 1.0 else []
 
 
 def _keep_behind(candidates: CandidateSet, road: RoadMap) -> CandidateSet:

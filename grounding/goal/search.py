@@ -21,6 +21,7 @@ from grounding.scene_object import SceneObject
 UNREACHABLE, EXCLUDED = 16, 32
 # Candidates are checked in order of cost, this many at a time.
 _CHUNK = 96
+LEAVES_ROAD = "leaves the road"
 _WORDS = {
     EXCLUDED: "is ruled out by the command",
     OTHER_SIDE: "is on the side of oncoming traffic",
@@ -221,7 +222,7 @@ class CandidateSearch:
             is_free = not flags and self.road.free_space.is_clear(centre, candidate.heading_rad)
             return "needs more reversing" if is_free else self._explain_taken(item, gap_m)
         if flags & OFF_ROAD:
-            return "leaves the road"
+            return LEAVES_ROAD
         if flags & UNKNOWN:
             return "lies where the map knows nothing"
         for flag, words in _WORDS.items():

@@ -45,6 +45,8 @@ def plan_with_second_best(
         item: reference vehicle of the relation, None if the command names none.
     """
     settled = plan.target is not None or plan.question or plan.search is None
+    if item is None and not settled and query.action in PARKING and _is_at_kerb(query):
+        return _ask_to_stop_in_lane(query, plan, scene, road)
     if item is None or settled or query.relation == "between":  # beside one of two is not between them
         return with_nearest(plan)
     if query.action in _STOPPING and query.relation in _IN_LINE:
@@ -61,6 +63,22 @@ def plan_with_second_best(
     verb = (query.action or "stop").replace("_", " ")
     question = f"there is no room there: shall we {verb} {_describe(nearest, item)}?"
     return replace(plan, nearest=nearest, question=question)
+
+
+def _is_at_kerb(query: Query) -> bool:
+    """Return whether a command asks for any place at the edge of the road."""
+    return query.relation == "none" and query.landmark is None and query.distance_m is None
+
+
+def _ask_to_stop_in_lane(query: Query, plan: GoalPlan, scene: SceneModel, road: RoadMap) -> GoalPlan:
+    """Return a plan without room at the edge of the road with the question whether our lane will do."""
+    in_lane = replace(query, action="stop", goal_side=None, road_side=None, direction=None)
+    stopped = plan_place(in_lane, scene, road)
+    if stopped.target is None:
+        return with_nearest(plan)
+    ahead_m = float(road.along_m[stopped.target.cell])
+    question = f"there is no room at the edge of the road ahead: shall we stop in our lane, {ahead_m:.0f} m ahead?"
+    return replace(plan, nearest=stopped.target, question=question)
 
 
 def _plan_in_our_lane(query: Query, scene: SceneModel, road: RoadMap, item: SceneObject) -> GoalPlan:

@@ -57,7 +57,7 @@ def _move_landmark(query: Query) -> Query | None:
         return None
     opposite: dict[LandmarkRole, LandmarkRole] = {"referent": "goal", "goal": "referent"}
     for i, landmark in enumerate(query.secondary):
-        # A place has one vehicle: at the goal another one would be left out. "The car nearest the crossing" is one phrase.
+        # A place has one vehicle: at the goal another is left out. "The car nearest the crossing" is one phrase.
         measure = landmark.relation == "toward" and "nearest" in query.referent.qualifiers
         fixed = landmark.of == "referent" and (landmark.noun in KNOWN_NOUNS or measure)
         if landmark.of in opposite and landmark.relation not in ("between", "into", "in") and not fixed:

@@ -28,6 +28,8 @@ _LATERAL_M, _LATERAL_SCALE_M = 6.0, 16.0
 _INDEFINITE_SCALE_M = 15.0
 # Least plausibility of an object for an action.
 _LEAST_PLAUSIBILITY = 0.3
+# Plausibility of following what stands beside our lane, and the least one of what is followed.
+_PARKED_FOLLOWED, _LEAST_FOLLOWED = 0.05, 0.05
 # Relations to vehicles that stand in line with the place, and plausibility of one on the other side than the place.
 _ALONG_SIDE, _OTHER_SIDE = ("behind", "in_front_of", "before", "past", "between"), 0.1
 # Prediction times for crossing the ego path, and the speed of people who stand.
@@ -104,7 +106,7 @@ def log_action_prior(query: Query, table: ObjectTable) -> FloatArray:
     standing = is_standing(table)
     fit = np.ones(len(table))
     if query.action == "follow":
-        waiting = 0.25 + 0.55 * in_own_lane(table)
+        waiting = _PARKED_FOLLOWED + (0.8 - _PARKED_FOLLOWED) * in_own_lane(table)
         fit = (1 - standing + standing * waiting) * (1 - 0.8 * is_facing_ego(table))
         fit = fit * (0.4 + 0.6 * (table.along_m > 0))
         fit = fit * (0.6 + 0.4 * gaussian(table.lateral_m, 4.0))
@@ -124,7 +126,8 @@ def log_action_prior(query: Query, table: ObjectTable) -> FloatArray:
         fit = fit * (_OTHER_SIDE + (1 - _OTHER_SIDE) * rising(side * table.lateral_m, 0.5, 0.3))
     if query.trigger in ("pass", "turn", "merge") and query.action not in ("give_way", "wait"):
         fit = fit * (1 - 0.85 * standing)
-    return np.asarray(np.log(_LEAST_PLAUSIBILITY + (1 - _LEAST_PLAUSIBILITY) * fit))
+    least = _LEAST_FOLLOWED if query.action == "follow" else _LEAST_PLAUSIBILITY
+    return np.asarray(np.log(least + (1 - least) * fit))
 
 
 def _crosses_ego_path(table: ObjectTable) -> FloatArray:

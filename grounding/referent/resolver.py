@@ -19,7 +19,7 @@ from grounding.referent.rows import end_of_row, names_queue
 from grounding.referent.scene import SceneModel
 from grounding.referent.scoring import ReferentScores, note_unmapped, score_objects
 from grounding.referent.sought import by_vehicle, with_sought_referent
-from grounding.referent.spatial_relations import fit_between, fit_relation, footprint_gap_m
+from grounding.referent.spatial_relations import fit_between, fit_relation, footprint_gap_m, is_parted
 from grounding.road.pose import Pose2D
 from grounding.scene_object import SceneObject
 from grounding.vocabulary import COLOURS, KNOWN_NOUNS, PERSON_NOUNS
@@ -33,8 +33,8 @@ _TIE_FIT = 0.5
 _LEAST_ORDINAL_PROBABILITY = 0.05
 # Below this no object fits a word.
 _LACKING_FIT = 0.12
-# The two of a pair are this close; factor for pairs between which no car fits.
-_PAIR_SIGMA_M, _NO_ROOM, _MAX_PAIRS = 10.0, 0.1, 40
+# The two of a pair are this close; factors for pairs between which no car fits, and a third vehicle stands.
+_PAIR_SIGMA_M, _NO_ROOM, _PARTED, _MAX_PAIRS = 10.0, 0.1, 0.02, 40
 # Least fit of the other end of a pair in its relation to the first.
 _LEAST_PARTNER_FIT = 0.02
 
@@ -87,7 +87,7 @@ class _Choice(NamedTuple):
 
 def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Resolution:
     """Resolve the referent of a query, with at most `limit` candidates."""
-    named = with_sought_referent(query)
+    named = with_sought_referent(query if scene.road is None else query.on_side(scene.road.traffic_side))
     beside = by_vehicle(named)
     people = "person" in scene.table.class_names
     sought = named if people else beside or named
@@ -294,10 +294,10 @@ def _rank_pairs(
     other = score_objects(Query(""), to_referent(between[0]), scene) if between else scores
     rows = np.flatnonzero(scores.matches | other.matches)
     if query.relation == "between":
-        fit = fit_between(table, rows)
+        fit, least = fit_between(table, rows), np.where(is_parted(table, rows), _PARTED, _NO_ROOM)
     else:
-        fit = gaussian(footprint_gap_m(table, rows)[rows], _PAIR_SIGMA_M)
-    score = scores.log_score[rows, None] + other.log_score[rows] + np.log(_NO_ROOM + (1 - _NO_ROOM) * fit)
+        fit, least = gaussian(footprint_gap_m(table, rows)[rows], _PAIR_SIGMA_M), np.array(_NO_ROOM)
+    score = scores.log_score[rows, None] + other.log_score[rows] + np.log(least + (1 - least) * fit)
     for part in query.secondary:
         if part.of == "partner":  # "between the van and the car behind it"
             score += np.log(fit_relation(part.relation, table, rows)[rows].T + _LEAST_PARTNER_FIT)

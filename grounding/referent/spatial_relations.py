@@ -108,13 +108,19 @@ def fit_between(table: ObjectTable, chosen: IntArray) -> FloatArray:
     """Return the degree (M, M) to which the ego fits between two of M objects, in line or abreast, unoccupied."""
     along, lateral = _offsets_m(table, chosen)
     lengthwise, crosswise = (each[chosen] for each in _extent_gaps_m(table, chosen))
-    own = np.arange(len(chosen))
     in_line = gaussian(lateral[chosen], 1.5) * _fit_gap(lengthwise, table.ego.length_m)
     abreast = gaussian(along[chosen], 2.0) * _fit_gap(crosswise, table.ego.width_m)
-    # A third object (last axis) may occupy the gap, in the frame of the second of the pair.
+    return np.maximum(in_line * ~is_parted(table, chosen), abreast)
+
+
+def is_parted(table: ObjectTable, chosen: IntArray) -> BoolArray:
+    """Return whether a third vehicle stands in line between two of M objects, (M, M)."""
+    along, lateral = _offsets_m(table, chosen)
+    own = np.arange(len(chosen))
+    # The third object is the last axis, in the frame of the second of the pair.
     occupied = (np.abs(lateral.T) < _LINE_SIGMA_M)[None] & _is_within(along.T[None], along[chosen][..., None])
     occupied[own, :, chosen] = occupied[:, own, chosen] = False
-    return np.maximum(in_line * ~(occupied & table.is_vehicle).any(axis=2), abreast)
+    return np.asarray((occupied & table.is_vehicle).any(axis=2))
 
 
 def _is_within(value: FloatArray, end: FloatArray) -> BoolArray:

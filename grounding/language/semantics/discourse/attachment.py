@@ -24,8 +24,8 @@ _PEOPLE_AS_THINGS = ("stop", "take", "leave", "get")
 
 def attach_phrase(state: DiscourseState, phrase: NounPhrase) -> None:
     """Attach a noun phrase by the open arguments and flags of the state."""
-    noun = state.open_phrase
-    if state.open_relation is None and noun is not None and noun.postmodifiers[-1:] == ["nearest"]:
+    host = state.open_phrase
+    if state.open_relation is None and host is not None and host.postmodifiers[-1:] == ["nearest"]:
         state.open_relation = "toward"  # "the car nearest the van"
     own_car = phrase.kind == "ego" and " " in phrase.head and state.auxiliary and not state.open_relation
     if own_car:  # "that is our car"
