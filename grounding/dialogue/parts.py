@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from grounding.answer import Answer
+from grounding.dialogue.commands import answer_command
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.listed import answer_listed
 from grounding.dialogue.plans.steps import edit_steps
@@ -14,11 +15,12 @@ from grounding.dialogue.plans.waits import answer_wait
 from grounding.dialogue.sentences import answer_sentence, is_misunderstood
 from grounding.dialogue.telling.reports import inform, notice
 from grounding.dialogue.turns import ASIDES, DOING, predict_turn
-from grounding.language.alternatives import lone_fallback
+from grounding.language.alternatives import as_condition, lone_fallback
 from grounding.language.questions import asks_car
 from grounding.language.reader.fields import NONE
 from grounding.language.reader.network import Prediction
 from grounding.language.replies import named_distance, read_reply
+from grounding.language.syntax.tokenizer import normalise
 
 _SENTENCE = re.compile(r"(?<=[.!?])\s+(?=\S)")
 _CLAUSE = re.compile(
@@ -135,6 +137,8 @@ def _names_nothing(prediction: Prediction, text: str) -> bool:
 
 def answer_turn(talk: Conversation, text: str) -> Answer:
     """Answer a turn: sentence by sentence if each has a certain act of its own, else as a whole."""
+    if as_condition(normalise(text)):  # "is there a gap behind the van? if so park there"
+        return answer_command(talk, text, text)
     if not talk.is_opening and (fallback := lone_fallback(text, talk.grounder.lexicon)):
         if talk.state.goal is not None and talk.state.question is None:
             return inform(talk, text, f"it is possible, so '{fallback}' is not needed")

@@ -356,11 +356,16 @@ def _explain_target(search: CandidateSearch, chosen: GoalCandidate, way: CarRout
 
 def _explain_second_row(query: Query, chosen: GoalCandidate, road: RoadMap) -> list[str]:
     """Return the warning for a parking place that is not at the edge of the road."""
-    if query.action not in PARKING_ACTIONS or road.car_parks[chosen.cell]:
+    if query.action not in PARKING_ACTIONS or not is_in_the_road(chosen.cell, chosen.heading_rad, road):
         return []
-    sides = chosen.heading_rad + np.array([np.pi / 2, -np.pi / 2])
-    away_m = road.edge_distance_m(np.array([chosen.cell, chosen.cell]), sides) - road.ego.width_m / 2
-    return ["it is not at the edge of the road: others have to drive around us"] if away_m.min() > _AT_EDGE_M else []
+    return ["it is not at the edge of the road: others have to drive around us"]
+
+
+def is_in_the_road(cell: tuple[int, int], heading_rad: float, road: RoadMap) -> bool:
+    """Return whether others have to drive around who parks in a cell: it is neither at an edge nor in a car park."""
+    sides = heading_rad + np.array([np.pi / 2, -np.pi / 2])
+    away_m = road.edge_distance_m(np.array([cell, cell]), sides) - road.ego.width_m / 2
+    return not road.car_parks[cell] and bool(away_m.min() > _AT_EDGE_M)
 
 
 def _explain_way(way: CarRoute) -> str:

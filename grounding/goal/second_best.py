@@ -10,7 +10,7 @@ from grounding.goal import ego_lane
 from grounding.goal.beside_vehicle import PARKING
 from grounding.goal.candidates import CandidateSet, DistanceRange
 from grounding.goal.limits import PlaceLimits
-from grounding.goal.planner import GoalPlan, Target, plan_place, to_target, with_nearest
+from grounding.goal.planner import GoalPlan, Target, is_in_the_road, plan_place, to_target, with_nearest
 from grounding.goal.reference_frames import ReferenceVehicle
 from grounding.goal.search import CandidateSearch
 from grounding.query import Query
@@ -25,6 +25,8 @@ _IN_LINE, _STOPPING = ("behind", "in_front_of"), ("stop", "wait")
 _AROUND_M, _NEARBY_M = 22.0, 10.0
 # Along the edge this distance costs one; a place there has this gap to the edge, and at most the second.
 _AWAY_M, _EDGE_M, _MAX_EDGE_M = 3.0, 0.3, 0.9
+# Places this far behind us or beside our lane are told to be so.
+_BEHIND_M, _ASIDE_M = 5.0, 10.0
 # A gap below this is told as "just beyond it".
 _JUST_M = 0.5
 
@@ -61,7 +63,7 @@ def plan_with_second_best(
     if nearest is None:
         return plan
     verb = (query.action or "stop").replace("_", " ")
-    question = f"there is no room there: shall we {verb} {_describe(nearest, item)}?"
+    question = f"there is no room there: shall we {verb} {_describe(nearest, item)}{_consequences(query, nearest, road)}?"
     return replace(plan, nearest=nearest, question=question)
 
 
@@ -121,6 +123,19 @@ def _describe(place: Target, item: SceneObject) -> str:
     gap_m = abs(offset_m) - (item.length_m + place.ego.length_m) / 2
     how_far = "just" if gap_m < _JUST_M else f"{gap_m:.0f} m"
     return f"{how_far} {'beyond' if offset_m > 0 else 'short of'} it"
+
+
+def _consequences(query: Query, place: Target, road: RoadMap) -> str:
+    """Return what a place has that nobody expects: it is in the road, behind us, or in another street."""
+    told = []
+    if query.action in PARKING and is_in_the_road(place.cell, place.heading_ego_rad, road):
+        told.append("in the road")
+    along_m, aside_m = float(road.along_m[place.cell]), abs(float(road.lateral_m[place.cell]))
+    if along_m < -_BEHIND_M:
+        told.append(f"{-along_m:.0f} m behind us")
+    elif aside_m > _ASIDE_M:
+        told.append(f"{np.hypot(along_m, aside_m):.0f} m from here")
+    return "".join(f", {words}" for words in told)
 
 
 def _close_enough(nearest: Target | None, item: SceneObject) -> Target | None:

@@ -5,6 +5,7 @@ Each half is read as a command of its own; the second counts where the scene has
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -21,6 +22,9 @@ _MARKS = (",", ".", ";", "!", "?")
 # Words that join two halves, and are part of neither.
 _JOINING = frozenset((*_MARKS, "and", "or", "but", "then", "so", "either", "please", "just"))
 _PLACES = (WordCategory.RELATION, WordCategory.HERE, WordCategory.BETWEEN, WordCategory.SIDE)
+# Words after which a question says what it asks for, and determiners that "no" replaces.
+_ASKED_AFTER = ("there", "see", "have")
+_UNDETERMINED = re.compile(r"^(?:a|an|any|some|enough|still)\s+")
 # Most words that may join alternatives: halves are read again in halves, and so the time doubles with each.
 MAX_JOINTS = 3
 # Categories after which "or" does not tell a fallback.
@@ -107,7 +111,8 @@ def split_alternatives(text: str, tokens: Sequence[Token]) -> Iterator[Alternati
     if words.count_joints() > MAX_JOINTS:
         return
     # "If it moves, follow it, otherwise go past": what is the case there decides, not whether there is a place.
-    states = words.end_of("if", 0) and not any(token.category is WordCategory.SPOT for token in tokens)
+    named = any(token.category is WordCategory.SPOT for token in tokens)
+    states = words.end_of("if", 0) and not named and not tells_room(text)
     for wish, fallback in (*(() if states else _at_otherwise(words)), *_at_condition(words, tokens)):
         if wish and fallback:
             yield Alternatives(wish, fallback, True)
@@ -116,6 +121,36 @@ def split_alternatives(text: str, tokens: Sequence[Token]) -> Iterator[Alternati
     nearer = any(words.end_of("nearer", k) for k in range(until, len(words.words)))
     for wish, fallback in _at_or(text[:end].rstrip(" ,"), [token for token in tokens if token.end <= end]):
         yield Alternatives(wish, fallback, False, nearer)
+
+
+def as_condition(text: str) -> str:
+    """Return a question and the command that hangs on its answer as one condition; '' for other texts.
+
+    "Is there a gap behind the van? If so park there, otherwise drive on" is "if there is a gap behind the van, ...".
+
+    Args:
+        text: the normalised text.
+    """
+    words = Words.of(text)
+    begin = words.end_of("asked", 0)
+    end = next((k for k, word in enumerate(words.words) if word in _MARKS), 0)
+    if not 0 < begin <= end:
+        return ""
+    rest = next((k for k in range(end, len(words.words)) if words.words[k] not in _MARKS), len(words.words))
+    so, not_so = words.end_of("so", rest), words.end_of("notso", rest)
+    first = next((k for k in range(end) if words.words[k] in _ASKED_AFTER), -1) + 1
+    what, command = words.part(first, end), words.part(max(so, not_so))
+    if not (so or not_so) or not what or not command:
+        return ""
+    if not_so:
+        return f"if there is no {_UNDETERMINED.sub('', what)}, {command}"
+    return f"if there is {what}, {command}"
+
+
+def tells_room(text: str) -> bool:
+    """Return whether a normalised text has a condition on free room: "if there's room behind the van"."""
+    words = Words.of(text)
+    return any(words.end_of("if", k) and words.end_of("room", words.end_of("if", k)) for k, _ in enumerate(words.words))
 
 
 def lone_fallback(text: str, lexicon: Lexicon | None = None) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal, NamedTuple
 
-from grounding.language.alternatives import MAX_JOINTS, Words
+from grounding.language.alternatives import MAX_JOINTS, Words, tells_room
 from grounding.language.reading import Reading
 from grounding.language.syntax.lexicon import Lexicon
 from grounding.language.syntax.tagging.tagger import tag
@@ -48,7 +48,8 @@ def split_condition(text: str, tokens: Sequence[Token]) -> Condition | None:
         tokens: its tagged tokens.
     """
     words = Words.of(text)
-    if words.count_joints() > MAX_JOINTS or any(token.category is WordCategory.SPOT for token in tokens):
+    room = any(token.category is WordCategory.SPOT for token in tokens) or tells_room(text)
+    if words.count_joints() > MAX_JOINTS or room:
         return None  # "if there is a gap": the scene tells whether there is a place
     begin = next((i for i, _ in enumerate(words.words) if words.end_of("if", i)), None)
     if begin is None:

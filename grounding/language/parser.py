@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import cached_property, partial
 from itertools import islice
 
-from grounding.language.alternatives import Alternatives, split_alternatives
+from grounding.language.alternatives import Alternatives, as_condition, split_alternatives
 from grounding.language.ambiguity import MAX_READINGS, list_alternatives
 from grounding.language.between import with_both_ends
 from grounding.language.conditions import Condition, motion_of, split_condition, until_then
@@ -75,6 +75,9 @@ def parse_all(
         too_long = ParseProblem(f"expected at most {MAX_CHARACTERS} characters, got {len(text)}")
         return (Reading(Query(command=text[:MAX_CHARACTERS]), problem=too_long),)
     normalised, words = normalise(text), lexicon or default_lexicon()
+    if condition := as_condition(normalised):
+        asked = parse_all(condition, lexicon, antecedent, verb, revised=revised)
+        return tuple(said_whole(one, text) for one in asked)
     most = max(1, min(_MAX_WAYS, _MAX_CHARACTERS_READ // (len(normalised) + 1)))
     ways = tokenise_all(normalised, words, most)
     tagged = tag(ways[0].tokens)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+from grounding.language.alternatives import as_condition
 from grounding.language.problems import check_type
 from grounding.language.replies import respelled
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon
@@ -82,7 +83,7 @@ def read_question(text: str, lexicon: Lexicon | None = None) -> Question | None:
         CommandError: if the text is no string.
     """
     check_type(text)
-    if len(text) > MAX_CHARACTERS:
+    if len(text) > MAX_CHARACTERS or as_condition(normalise(text)):
         return None
     lexicon = lexicon or default_lexicon()
     written = tuple(respelled(WORD.findall(_ARE.sub(" are", normalise(text))), lexicon))

@@ -82,7 +82,8 @@ def asks_for_place(query: Query) -> bool:
 def said_whole(reading: Reading, text: str) -> Reading:
     """Return the reading of a part of a text as that of the whole text."""
     steps = tuple(replace(step, command=text) for step in reading.steps)
-    return replace(reading, query=replace(reading.query, command=text), steps=steps)
+    otherwise = None if reading.otherwise is None else said_whole(reading.otherwise, text)
+    return replace(reading, query=replace(reading.query, command=text), steps=steps, otherwise=otherwise)
 
 
 def _warns(clause: Clause) -> bool:

@@ -217,6 +217,9 @@ def _without_others(query: Query, evidence: Evidence, values: dict[str, str]) ->
         for field in ("noun", "colour")
         if values[field] != NONE and any(getattr(one, field) == values[field] for one in evidence.others)
     }
+    beside = [part.colour for part in query.secondary if part.of == "referent"]
+    if evidence.whole and own.colour is None and values["colour"] in beside:
+        mixed["colour"] = NONE  # "the car nearest to the red one"
     if NONE not in (query.relation, values["relation"]) and values["relation"] in evidence.places:
         mixed["relation"] = query.relation
     return {**values, **mixed}
