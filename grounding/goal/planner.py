@@ -24,7 +24,7 @@ from grounding.goal.limits import (
     reversing_cost,
     standing_cost,
 )
-from grounding.goal.proposals import explain_refusal, propose_candidates, propose_relation
+from grounding.goal.proposals import explain_refusal, is_in_our_way, propose_candidates, propose_relation
 from grounding.goal.search import LEAVES_ROAD, CandidateSearch
 from grounding.goal.traffic import (
     TOWARDS,
@@ -205,6 +205,9 @@ def plan_place(
         return GoalPlan(None, (refusal,), refused=True)
     if start is not None:
         road = scene.road_from(start)
+    if query.action == "avoid" and query.relation == "none" and not (item and is_in_our_way(item, road)):
+        aside = "it is not in our way: " if item else ""
+        return GoalPlan(None, (f"{aside}that asks for care, with less speed, and for no place",), pace="slower")
     # After a turn in the road its other side is ours.
     turned = query.road_side == "opposite" and start is not None and np.cos(start.heading_rad) < 0
     query = query.on_side(-road.traffic_side if turned else road.traffic_side)

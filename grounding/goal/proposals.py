@@ -178,16 +178,22 @@ def _propose_short_of(query: Query, road: RoadMap, item: SceneObject) -> Proposa
     named = query.distance_m if query.distance_of == "referent" else None
     short_m = _SHORT_OF_M if named is None else named
     reference = ReferenceVehicle(item, road, 0.0)
-    along, lateral = reference.lane_position
+    along, _ = reference.lane_position
     half_length = reference.half_extent_m(reference.travel_rad)
-    half_width = reference.half_extent_m(reference.travel_rad + np.pi / 2)
-    aside = not reference.beside_ego_lane or abs(lateral) - half_width > _IN_OUR_WAY_M
-    if along < 0 or (aside and query.action != "stop"):
+    if along < 0 or (query.action != "stop" and not is_in_our_way(item, road)):
         return ego_lane.propose_in_lane(road, _SLOW_M, "in our lane"), ["it is not in our way"]
     most = along - half_length - road.ego.length_m / 2 - 1.0
     preferred = max(most - short_m + 1.0, 0.0)
     words = f"in our lane, {short_m:.0f} m short of it"
     return ego_lane.propose_in_lane(road, DistanceRange(min(0.0, most), preferred, max(most, 0.4)), words), []
+
+
+def is_in_our_way(item: SceneObject, road: RoadMap) -> bool:
+    """Return whether a vehicle or a person is ahead in our lane or reaches into it."""
+    reference = ReferenceVehicle(item, road, 0.0)
+    along, lateral = reference.lane_position
+    half_width = reference.half_extent_m(reference.travel_rad + np.pi / 2)
+    return bool(along >= 0 and reference.beside_ego_lane and abs(lateral) - half_width <= _IN_OUR_WAY_M)
 
 
 def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:

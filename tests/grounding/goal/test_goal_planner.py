@@ -171,12 +171,16 @@ def test_a_goal_behind_the_ego_is_reported() -> None:
     assert has_reason(plan_in(Street().car("car", 12, 0), query), "behind where we are now")
 
 
-@pytest.mark.parametrize(
-    ("y_m", "x_m"), [(0.0, 30 - LENGTHWISE_M - 5), (2.0, 30 - LENGTHWISE_M - 5), (6.0, EGO.centre_m + 10)]
-)
-def test_slowing_down_ends_short_of_an_obstacle(y_m: float, x_m: float) -> None:
-    street = Street().car("car", 30 if y_m < 5 else 12, y_m)
-    assert is_near(target_of(plan_in(street, make_query("avoid"))), x_m, 0)
+@pytest.mark.parametrize("y_m", [0.0, 2.0])
+def test_what_is_to_be_avoided_in_our_way_is_stopped_short_of(y_m: float) -> None:
+    street = Street().car("car", 30, y_m)
+    assert is_near(target_of(plan_in(street, make_query("avoid"))), 30 - LENGTHWISE_M - 5, 0)
+
+
+def test_what_is_beside_our_way_is_passed_with_less_speed() -> None:
+    made = plan_in(Street().car("car", 12, 6.0), make_query("avoid"))
+    assert (made.pace, made.target) == ("slower", None)
+    assert has_reason(made, "it is not in our way")
 
 
 def test_a_distance_of_the_command_is_kept_or_refused() -> None:
