@@ -145,7 +145,7 @@ def answer_steps(
 def _later_beyond_map(step: Answer, scene: SceneModel, start: Pose2D) -> Answer:
     """Return a step without a place as one for later, if it begins where the map ends and names no vehicle."""
     road = scene.road_from(start)
-    found = step.status != "not_found" or step.plan.refused or step.query.referent is not None
+    found = step.status == "ok" or step.plan.refused or step.query.referent is not None or bool(step.query.unresolved)
     if found or road is None or road.ego_lane.at_road_end or road.ego_lane.end_m > _MAP_END_M:
         return step
     named = describe_step(step.query, None, scene)

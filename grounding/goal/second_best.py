@@ -63,7 +63,8 @@ def plan_with_second_best(
     if nearest is None:
         return plan
     verb = (query.action or "stop").replace("_", " ")
-    question = f"there is no room there: shall we {verb} {_describe(nearest, item)}{_consequences(query, nearest, road)}?"
+    where = _describe(nearest, item) + _consequences(query, nearest, road)
+    question = f"there is no room there: shall we {verb} {where}?"
     return replace(plan, nearest=nearest, question=question)
 
 

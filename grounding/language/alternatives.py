@@ -150,7 +150,8 @@ def as_condition(text: str) -> str:
 def tells_room(text: str) -> bool:
     """Return whether a normalised text has a condition on free room: "if there's room behind the van"."""
     words = Words.of(text)
-    return any(words.end_of("if", k) and words.end_of("room", words.end_of("if", k)) for k, _ in enumerate(words.words))
+    begun = (end for k, _ in enumerate(words.words) if (end := words.end_of("if", k)))
+    return any(words.end_of("room", end) for end in begun)
 
 
 def lone_fallback(text: str, lexicon: Lexicon | None = None) -> str:

@@ -131,6 +131,9 @@ def handle_side(state: DiscourseState, token: Token) -> None:
     passes = frame is not None and (frame.verb_class == "overtake" or frame.goes_around or frame.relation == "past")
     if noun is not None and noun.kind == "pronoun" and passes:
         state.open_phrase = None  # "pass it on the left"
+    related = frame is not None and any(one.kind == "pronoun" for _, end in frame.landmarks for _, one in end.related)
+    if noun is not None and noun.kind == "pronoun" and related:
+        state.open_phrase = noun = state.host_frame.target  # "between the van and the car behind it on the right"
     value = token.value.removesuffix("_side").removeprefix("from_")
     at = state.clause.tokens.index(token)
     possessive = at > 0 and state.clause.tokens[at - 1].form == "own"
