@@ -213,14 +213,8 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
     lanes = [word for part in query.secondary if part.noun == "lane" for word in part.qualifiers]
     if action == "other" and {*lanes} & {"left_lane", "right_lane"} and not query.direction:
         return ego_lane.propose_in_lane(road, _ON_M, "in our lane"), ["the lane to stay in is taken to be ours"]
-    asked, kerb_side = query.direction or side, "right" if road.traffic_side > 0 else "left"
-    to_kerb = action == "change_lane" and (f"{kerb_side}_lane" in lanes or asked == kerb_side)
-    if to_kerb and not ego_lane.has_kerb_lane(road):
-        return ego_lane.propose_in_lane(road, _ON_M, "in our lane"), [f"the {kerb_side} lane is ours: we keep it"]
     if action == "change_lane":
-        unknown = "the map counts no lanes" if "middle_lane" in lanes else "no side is named"
-        reasons = [] if asked else [f"{unknown}: either lane will do"]
-        return ego_lane.propose_next_lane(road, asked), [*reasons, *_note_lane_end(road, ego_lane.CHANGE_M.least_m)]
+        return _propose_lane_change(query, road, lanes)
     if action in PARKING or (action == "stop" and side) or (action == "other" and query.road_side == "opposite"):
         ahead = _distance_ahead(query, _EDGE_M)
         kerb = {"gap_m": query.distance_m} if query.distance_of == "kerb" and query.distance_m is not None else {}
@@ -241,6 +235,23 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
     if action == "other":
         return None, ["the command names no place to go to"]
     return None, [f"the command names no vehicle to {(action or '').replace('_', ' ')}"]
+
+
+def _propose_lane_change(query: Query, road: RoadMap, lanes: Sequence[str]) -> OptionalProposal:
+    """Return the candidate sets of a lane change; where ours is the lane at the kerb, it is kept."""
+    asked, kerb_side = query.direction or query.goal_side, "right" if road.traffic_side > 0 else "left"
+    ours_at_kerb = not ego_lane.has_kerb_lane(road)
+    if ours_at_kerb and (f"{kerb_side}_lane" in lanes or asked == kerb_side):
+        return ego_lane.propose_in_lane(road, _ON_M, "in our lane"), [f"the {kerb_side} lane is ours: we keep it"]
+    unknown = "the map counts no lanes" if "middle_lane" in lanes else "no side is named"
+    reasons = [] if asked else [f"{unknown}: either lane will do"]
+    found = ego_lane.propose_next_lane(road, asked)
+    if not asked and ours_at_kerb:
+        ours = ego_lane.propose_in_lane(road, ego_lane.CHANGE_M, "in our lane")
+        away = ego_lane.propose_next_lane(road, "left" if kerb_side == "right" else "right")
+        found = [*away, *(replace(one, cost=one.cost + SECOND) for one in ours)]
+        reasons = [f"{unknown}, and the lane at the kerb is ours"]
+    return found, [*reasons, *_note_lane_end(road, ego_lane.CHANGE_M.least_m)]
 
 
 def _distance_ahead(query: Query, default: DistanceRange) -> DistanceRange:

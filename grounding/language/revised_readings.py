@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
+from itertools import pairwise
 from typing import Any
 
 from grounding.language.problems import ParseProblem
@@ -156,10 +157,12 @@ def _on_named_side(query: Query, tokens: Sequence[Token]) -> Query:
 def _changed(reading: Reading, changes: dict[str, Any], revision: Revision) -> Reading:
     query = replace(reading.query, **changes)
     whole = evidence_of(reading).whole
+    ordered = whole and _is_ordered(reading)
     steps = tuple(
         query if step == reading.query else replace(step, **changes) if _is_main(step, reading.query) else step
         for step in reading.steps
-        if _is_main(step, reading.query)
+        if ordered
+        or _is_main(step, reading.query)
         or _is_commanded(step, reading.query, query)
         or (whole and _is_about_another(step, query))
     )
@@ -180,6 +183,15 @@ def _used_words(reading: Reading, changes: dict[str, Any]) -> set[str]:
     negated = {one.text for one, following in pairs if following is not None and _negates(following)}
     dropped = (one for one in reading.tokens if one.text in reading.dropped and one.text not in negated)
     return {one.text for one in dropped if meanings & {one.value, one.state or one.value}}
+
+
+def _is_ordered(reading: Reading) -> bool:
+    """Return whether "then" and a verb begin each step but the first: "let it go by and then pull out"."""
+    begun = (
+        one.category is WordCategory.THEN and after.category is WordCategory.VERB and not after.form
+        for one, after in pairwise(reading.tokens)
+    )
+    return 1 < len(reading.steps) <= 1 + sum(begun)
 
 
 def _is_commanded(step: Query, before: Query, after: Query) -> bool:
