@@ -115,6 +115,8 @@ def answer_steps(
     steps, start = list[Answer](), None
     for request in _turn_beyond(after_passing(after_turns(requests)), scene):
         turned = start is not None and steps[-1].query.direction in ("left", "right")
+        if steps and not turned:
+            request = _about_the_same(request, steps[-1])
         step = answer_step(request, scene, limit=limit, start=start, turned=turned)
         steps.append(step if start is None else _later_beyond_map(step, scene, start))
         if (target := steps[-1].target) is not None:
@@ -140,6 +142,13 @@ def answer_steps(
         confidence=min(step.confidence for step in steps),
         chooser=choose,
     )
+
+
+def _about_the_same(request: Request, before: Answer) -> Request:
+    """Return a step with the vehicle of the step before, if it is described in the same words."""
+    described = request.query.referent is not None and request.query.referent == before.query.referent
+    known = before.referent is not None and before.referent.partner is None
+    return replace(request, chosen=before.referent) if described and known and request.chosen is None else request
 
 
 def _later_beyond_map(step: Answer, scene: SceneModel, start: Pose2D) -> Answer:
@@ -329,7 +338,8 @@ def _with_sought(request: Request, scene: SceneModel) -> Request:
 def _goal_candidates(request: Request, resolution: Resolution) -> Sequence[Candidate | None]:
     """Return the candidates to plan a goal for; a single None if the command names no vehicle."""
     named = request.query.referent
-    return resolution.candidates[: 1 if named is None or named.definite else _MAX_GOAL_CANDIDATES] or (None,)
+    one_only = named is None or named.definite or find_ordinals(named.qualifiers)  # "whichever is closest"
+    return resolution.candidates[: 1 if one_only else _MAX_GOAL_CANDIDATES] or (None,)
 
 
 def _plan(

@@ -40,11 +40,12 @@ _POSTMODIFIERS = {
     "behind_ego": "behind us",
     "beside_ego": "beside us",
     "at_end": "at the end",
+    "in_row": "in the row",
     **{f"{which}_lane": f"in the {which} lane" for which in ("left", "right", "middle", "other")},
     "own_lane": "in our lane",
 }
 # Qualifiers that the labelled command files do not have.
-_NOT_LABELLED = ("beside_ego", "at_end", "facing_us")
+_NOT_LABELLED = ("beside_ego", "at_end", "in_row", "facing_us")
 
 
 @dataclass(frozen=True)

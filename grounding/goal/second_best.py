@@ -15,12 +15,16 @@ from grounding.goal.reference_frames import ReferenceVehicle
 from grounding.goal.search import CandidateSearch
 from grounding.query import Query
 from grounding.referent.scene import SceneModel
+from grounding.road.free_space import OFF_MAP
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
 from grounding.vocabulary import Relation
 
 # Relations in line with a vehicle, and actions that stop in our lane where there is no room in line with it.
 _IN_LINE, _STOPPING = ("behind", "in_front_of"), ("stop", "wait")
+_PASSING = ("overtake", "drive_past")
+# The last metres of our lane on the map.
+_BEFORE_END_M = 12.0
 # Places to park up to this far from the vehicle are proposed, and other places up to the second.
 _AROUND_M, _NEARBY_M = 22.0, 10.0
 # Along the edge this distance costs one; a place there has this gap to the edge, and at most the second.
@@ -51,6 +55,8 @@ def plan_with_second_best(
         return _ask_to_stop_in_lane(query, plan, scene, road)
     if item is None or settled or query.relation == "between":  # beside one of two is not between them
         return with_nearest(plan)
+    if query.action in _PASSING and (onward := _plan_to_end_of_map(plan, scene, road)) is not None:
+        return onward
     if query.action in _STOPPING and query.relation in _IN_LINE:
         stopped = _plan_in_our_lane(query, scene, road, item)
         if stopped.target is not None:
@@ -82,6 +88,20 @@ def _ask_to_stop_in_lane(query: Query, plan: GoalPlan, scene: SceneModel, road: 
     ahead_m = float(road.along_m[stopped.target.cell])
     question = f"there is no room at the edge of the road ahead: shall we stop in our lane, {ahead_m:.0f} m ahead?"
     return replace(plan, nearest=stopped.target, question=question)
+
+
+def _plan_to_end_of_map(plan: GoalPlan, scene: SceneModel, road: RoadMap) -> GoalPlan | None:
+    """Return the plan to pass a vehicle beyond which the map ends: our lane up to there; None where it goes on."""
+    end_m = road.ego_lane.end_m
+    search = plan.search
+    if search is None or road.ego_lane.at_road_end or search.explain_failure()[1] != OFF_MAP:
+        return None
+    up_to = DistanceRange(end_m - _BEFORE_END_M, end_m - road.ego.length_m / 2, end_m)
+    found, way = CandidateSearch(ego_lane.propose_in_lane(road, up_to, "in our lane"), scene, road).find_reachable()
+    if not found or way is None:
+        return None
+    reasons = (*plan.reasons, "the place beyond it lies beyond the map: we go to the end of the map for now")
+    return replace(plan, target=to_target(found[0], scene, road), way=way, reasons=reasons)
 
 
 def _plan_in_our_lane(query: Query, scene: SceneModel, road: RoadMap, item: SceneObject) -> GoalPlan:

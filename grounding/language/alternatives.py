@@ -24,6 +24,7 @@ _JOINING = frozenset((*_MARKS, "and", "or", "but", "then", "so", "either", "plea
 _PLACES = (WordCategory.RELATION, WordCategory.HERE, WordCategory.BETWEEN, WordCategory.SIDE)
 # Words after which a question says what it asks for, and determiners that "no" replaces.
 _ASKED_AFTER = ("there", "see", "have")
+_COPULAS = ("is", "are")
 _UNDETERMINED = re.compile(r"^(?:a|an|any|some|enough|still)\s+")
 # Most words that may join alternatives: halves are read again in halves, and so the time doubles with each.
 MAX_JOINTS = 3
@@ -132,9 +133,9 @@ def as_condition(text: str) -> str:
         text: the normalised text.
     """
     words = Words.of(text)
-    begin = words.end_of("asked", 0)
     end = next((k for k, word in enumerate(words.words) if word in _MARKS), 0)
-    if not 0 < begin <= end:
+    state = next((k for k in range(2, end) if words.end_of("being", k) == end), 0)
+    if not 0 < words.end_of("asked", 0) <= end and not (state and words.words[0] in _COPULAS):
         return ""
     rest = next((k for k in range(end, len(words.words)) if words.words[k] not in _MARKS), len(words.words))
     so, not_so = words.end_of("so", rest), words.end_of("notso", rest)
@@ -142,6 +143,9 @@ def as_condition(text: str) -> str:
     what, command = words.part(first, end), words.part(max(so, not_so))
     if not (so or not_so) or not what or not command:
         return ""
+    if not first and state:  # "is the bus moving"
+        be = f"{words.words[0]} not" if not_so else words.words[0]
+        return f"if {words.part(1, state)} {be} {words.part(state, end)}, {command}"
     if not_so:
         return f"if there is no {_UNDETERMINED.sub('', what)}, {command}"
     return f"if there is {what}, {command}"

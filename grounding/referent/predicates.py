@@ -24,6 +24,8 @@ _LEAST_RIDDEN_FIT, _RIDDEN_LENGTH_M = 0.25, 2.6
 # Vehicles of a class are large above these lengths, and small below those.
 _LARGE_M = {"car": 4.75, "van": 5.6, "truck": 6.5, "bus": 11.5, "motorcycle": 2.2}
 _SMALL_M = {"car": 4.25, "van": 5.0, "truck": 5.9, "bus": 8.0, "motorcycle": 2.0}
+# Vehicles of a row are this much in line; midpoint and scale of the gap between them.
+_ROW_SIGMA_M, _ROW_GAP_M = 1.2, (12.0, 2.0)
 # A vehicle within these drives straight.
 _STRAIGHT_YAW_RATE_RADPS, _STRAIGHT_SLANT_RAD = 0.12, 0.2
 
@@ -55,6 +57,15 @@ def _is_beside_ego(table: ObjectTable) -> FloatArray:
     """Return the degree (N,) to which objects are next to the ego."""
     x, y = table.xy_m.T
     return falling(np.abs(x - table.ego.centre_m), 4.5, 0.8) * falling(np.abs(y), 2 * LANE_M, 1.0)
+
+
+def _is_in_row(table: ObjectTable) -> FloatArray:
+    """Return the degree (N,) to which objects stand in a row: another one stands in line, near by."""
+    standing = is_standing(table) * table.is_vehicle
+    apart_m = np.abs(table.along_m[:, None] - table.along_m) - (table.size_m[:, :1] + table.size_m[:, 0]) / 2
+    in_line = gaussian(table.lateral_m[:, None] - table.lateral_m, _ROW_SIGMA_M) * falling(apart_m, *_ROW_GAP_M)
+    np.fill_diagonal(in_line, 0.0)
+    return np.asarray(standing * np.max(in_line * standing, axis=1, initial=0.0))
 
 
 def in_own_lane(table: ObjectTable) -> FloatArray:
@@ -188,6 +199,7 @@ QUALIFIERS: Mapping[str, Callable[[ObjectTable], FloatArray]] = {
     "ahead": is_ahead,
     "behind_ego": _is_behind_ego,
     "beside_ego": _is_beside_ego,
+    "in_row": _is_in_row,
     "parked": _is_parked,
     "stopped": _is_stopped,
     "moving": _is_moving,

@@ -28,6 +28,7 @@ _LATERAL_M, _LATERAL_SCALE_M = 6.0, 16.0
 _INDEFINITE_SCALE_M = 15.0
 # Least plausibility of an object for an action.
 _LEAST_PLAUSIBILITY = 0.3
+_YIELDING = ("give_way", "wait")
 # Plausibility of following what stands beside our lane, and the least one of what is followed.
 _PARKED_FOLLOWED, _LEAST_FOLLOWED = 0.05, 0.05
 # Relations to vehicles that stand in line with the place, and plausibility of one on the other side than the place.
@@ -112,7 +113,7 @@ def log_action_prior(query: Query, table: ObjectTable) -> FloatArray:
         fit = fit * (0.6 + 0.4 * gaussian(table.lateral_m, 4.0))
     elif query.action == "overtake":
         fit = (0.15 + 0.85 * in_own_lane(table)) * is_ahead(table) * (1 - 0.8 * is_facing_ego(table))
-    elif query.action in ("give_way", "wait") and query.trigger != "leave":
+    elif query.action in _YIELDING and query.trigger not in ("leave", "stop"):
         # Pedestrians who get the right of way may wait at the kerb; vehicles move.
         fit = _crosses_ego_path(table) * (1 - 0.7 * standing * table.is_vehicle)
     elif query.action in ("avoid", "slow_down"):
@@ -124,7 +125,8 @@ def log_action_prior(query: Query, table: ObjectTable) -> FloatArray:
     if query.goal_side is not None and query.relation in _ALONG_SIDE:
         side = 1 if query.goal_side == "left" else -1
         fit = fit * (_OTHER_SIDE + (1 - _OTHER_SIDE) * rising(side * table.lateral_m, 0.5, 0.3))
-    if query.trigger in ("pass", "turn", "merge") and query.action not in ("give_way", "wait"):
+    # Who awaits that a vehicle stops means one that moves.
+    if query.trigger == "stop" or (query.trigger in ("pass", "turn", "merge") and query.action not in _YIELDING):
         fit = fit * (1 - 0.85 * standing)
     least = _LEAST_FOLLOWED if query.action == "follow" else _LEAST_PLAUSIBILITY
     return np.asarray(np.log(least + (1 - least) * fit))

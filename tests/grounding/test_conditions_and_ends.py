@@ -110,7 +110,9 @@ def test_who_drives_is_followed_rather_than_who_is_parked() -> None:
         ),
         ("is there any space behind it? if not, go on", "if there is no space behind it, go on"),
         ("is there a gap behind the bus? park there", ""),
-        ("is the bus moving? if so follow it", ""),
+        ("is the bus moving? if so follow it", "if the bus is moving, follow it"),
+        ("is the red car parked? if not, stay behind it", "if the red car is not parked, stay behind it"),
+        ("is the red car far away? if not, stop", ""),
     ],
 )
 def test_a_question_whose_answer_decides_is_a_condition(question: str, condition: str) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from grounding.language.semantics.discourse.command_frames import ENTERABLE
 from grounding.language.semantics.discourse.relation_attachment import GROUPS
 from grounding.language.syntax.clauses import split_clauses
 from grounding.language.syntax.tokenizer import Token
@@ -178,9 +179,12 @@ def _is_group(tokens: Sequence[Token], i: int) -> bool:
 
 
 def _is_first_spot(tokens: Sequence[Token], i: int) -> bool:
-    """Return whether a word asks for the first or the nearest place, which is taken anyway: "the next free space"."""
+    """Return whether a word asks for the first place or street, which is taken anyway: "the next free space"."""
     noun = next((one for one in tokens[i + 1 :] if one.category not in MODIFIERS), None)
-    return tokens[i].value in _FIRST and noun is not None and noun.category is WordCategory.SPOT
+    named = noun is not None and (
+        noun.category is WordCategory.SPOT or noun.value in ENTERABLE or noun.value.startswith("turn")
+    )
+    return tokens[i].value in _FIRST and named
 
 
 def _is_kept_anyway(tokens: Sequence[Token], i: int) -> bool:

@@ -121,5 +121,5 @@ SECTION_VALUES: dict[WordCategory, tuple[str, ...]] = {
     WordCategory.SIDE: ("left_side", "right_side", "opposite_side", "own_side", "from_left", "from_right"),
     WordCategory.DIRECTION: ("left", "right", "straight"),
     WordCategory.LANE: ("left_lane", "right_lane", "next_left_lane", "next_right_lane", "middle_lane", "other_lane"),
-    WordCategory.WHERE: ("ahead", "behind_ego", "own_lane", "beside_ego", "at_end"),
+    WordCategory.WHERE: ("ahead", "behind_ego", "own_lane", "beside_ego", "at_end", "in_row"),
 }

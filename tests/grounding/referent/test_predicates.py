@@ -235,6 +235,7 @@ def test_every_qualifier_of_commands_has_a_predicate() -> None:
     assert set(QUALIFIERS) | counted == counted | {
         *(
             "facing_us",
+            "in_row",
             "left_side",
             "right_side",
             "opposite_side",

@@ -28,6 +28,8 @@ def attach_related(state: DiscourseState, relation: str, phrase: NounPhrase) -> 
         state.in_relative_clause = False
         attach_target(state, relation, phrase)  # "in the spot that is behind the van"
     elif whole is not None and phrase.head in GROUPS and _is_last_landmark(frame, whole):
+        if whole.head == "end":
+            phrase.add_qualifier("last")
         frame.landmarks.append((frame.landmarks.pop()[0], phrase))  # "at the end of the row of vans"
         add_mention(state, phrase, "landmark")
     elif whole is not None and whole.kind == "one" and phrase.noun:
@@ -37,6 +39,7 @@ def attach_related(state: DiscourseState, relation: str, phrase: NounPhrase) -> 
             noun.related.append((relation, phrase))
         add_mention(state, phrase, "landmark")
     elif whole is not None and whole.head in GROUPS and phrase.kind == "vehicle" and _is_target_group(frame, whole):
+        phrase.qualifiers += [one for one in whole.qualifiers if one not in phrase.qualifiers]
         attach_target(state, frame.landmarks.pop()[0], phrase)  # "past the row of parked cars"
     elif whole is not None and whole.kind in PLACE_KINDS and phrase.kind == "vehicle":
         if whole.noun != "side":  # "the spot of the van"

@@ -37,7 +37,7 @@ _STRAIGHT = ("straight ", "dead ", "directly ")
 # Sides that are named by their traffic, as sides of a goal.
 _SIDES_BY_TRAFFIC = {"opposite": "opposite", "own": "kerb"}
 # Places of vehicles that say nothing of a goal: "stop next to us".
-_OF_VEHICLES = ("beside_ego", "at_end")
+_OF_VEHICLES = ("beside_ego", "at_end", "in_row")
 # Things across our lane.
 _ACROSS = ("crosswalk", "stop_line")
 # Kinds of words between a distance and its reference.
