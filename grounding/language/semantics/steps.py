@@ -47,7 +47,12 @@ def plan_steps(
         pair if pair[0] else (False, _changed_back(pair[1], steps[i - 1][1], verbs[i]))
         for i, pair in enumerate(steps)
     ]
-    steps = [pair for i, pair in enumerate(steps) if pair[0] or not _is_contained(pair[1], steps, i)]
+    follows = [one.frame.connective == "then" for one in ordered]
+    steps = [
+        pair
+        for i, pair in enumerate(steps)
+        if pair[0] or (follows[i] and _parks_after(pair[1], steps[:i])) or not _is_contained(pair[1], steps, i)
+    ]
     if len(steps) == 1:
         steps = [(True, query)]
     awaited = [_await(discourse, one, ordered, query_of) for one in steps]
@@ -102,6 +107,12 @@ def _is_contained(step: Query, steps: Sequence[tuple[bool, Query]], at: int) -> 
         and step.action in _STANDING
         and (said_in_full or any(other.action in _STANDING for _, other in steps[:at]))
     )
+
+
+def _parks_after(step: Query, before: Sequence[tuple[bool, Query]]) -> bool:
+    """Return whether a step parks after a stop at a vehicle: "drop me at the van, then park"."""
+    parks = step.action in ("park", "pull_over") and step.referent is None
+    return parks and any(one.action == "stop" and one.referent is not None for _, one in before)
 
 
 def _stops_there(step: Query, following: Query) -> bool:

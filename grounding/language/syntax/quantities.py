@@ -30,12 +30,13 @@ def unheld_amounts(tokens: Sequence[Token]) -> list[str]:
     found: list[str] = []
     i = 0
     while i < len(tokens):
+        if _is_unit(tokens, i) and _part_after(tokens, i):
+            i += 3
+            continue
         if (unitless := read_unitless(tokens, i)) is not None:
             i = unitless[0]
             continue
-        end = i
-        while end < len(tokens) and number_at(tokens, end) is not None:
-            end += 1
+        end, _ = read_number(tokens, i)
         after = tokens[end].category if end < len(tokens) else WordCategory.BREAK
         before = tokens[i - 1] if i else None
         timed = after is WordCategory.TIME and (end > i or (before and before.category is WordCategory.ANY))
@@ -66,9 +67,9 @@ def merge_quantities(tokens: Sequence[Token]) -> list[Token]:
         unit_at = end + article
         unit = tokens[unit_at] if unit_at < len(tokens) and (value is not None or article) else None
         if unit is not None and unit.category is WordCategory.UNIT:
-            qualifying = (WordCategory.ANY, WordCategory.EXTRA, WordCategory.ABOUT)
-            while value is not None and merged and merged[-1].category in qualifying:
-                merged.pop()  # "a good 15 metres"
+            qualifying = (WordCategory.ABOUT, *(() if article else (WordCategory.ANY, WordCategory.EXTRA)))
+            while merged and merged[-1].category in qualifying:
+                merged.pop()  # "a good 15 metres", "at least a metre"
             if value is not None and merged and merged[-1].text == "by":
                 merged.pop()  # "reverse by five metres"
             if (
@@ -78,8 +79,10 @@ def merge_quantities(tokens: Sequence[Token]) -> list[Token]:
                     merged.pop()
                 i = unit_at + 1
                 continue
-            metres = (1.0 if value is None else value) * float(unit.value)
-            after = unit_at + 1 + (value is not None and _is_more(tokens, unit_at + 1))  # "five metres more"
+            part = _part_after(tokens, unit_at)
+            metres = ((1.0 if value is None else value) + part) * float(unit.value)
+            after = unit_at + 1 + (2 if part else 0)
+            after += value is not None and _is_more(tokens, after)  # "five metres more"
             merged.append(_distance(tokens[i:after], metres))
             i = after
         elif unit is not None and unit.category is WordCategory.TIME:
@@ -104,6 +107,17 @@ def more_words(tokens: Sequence[Token]) -> list[Token]:
 
 def _is_more(tokens: Sequence[Token], i: int) -> bool:
     return 0 <= i < len(tokens) and tokens[i].text in _MORE
+
+
+def _part_after(tokens: Sequence[Token], unit_at: int) -> float:
+    """Return the part of a unit that is added after it: "a metre and a half"; 0 without one."""
+    joint = tokens[unit_at + 1 : unit_at + 2]
+    if not joint or joint[0].category is not WordCategory.AND or len(tokens) < unit_at + 3:
+        return 0.0
+    if _is_unit(tokens, unit_at + 3):
+        return 0.0  # "a metre and half a mile"
+    number = number_at(tokens, unit_at + 2)
+    return number if number is not None and number < 1 else 0.0
 
 
 def _is_unit(tokens: Sequence[Token], i: int) -> bool:

@@ -107,10 +107,19 @@ def tag_person(before: Sequence[Token], token: Token, after: Sequence[Token]) ->
 
 
 def tag_ordinal(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
-    """Tag an ordinal before a turn as that of a branch, or as a verb with it: "second left, please"."""
+    """Tag an ordinal before a turn as that of a branch, or as a verb with it: "second left, please".
+
+    "First" after what it orders is an adverb: "drop me at the van first, then park".
+    """
     turning = category_at(after, 0) is WordCategory.DIRECTION or (
         category_at(after, 0) is WordCategory.VERB and after[0].value in TURNS
     )
+    ends = not after or after[0].category in CLAUSE_ENDS | {WordCategory.COMMA, WordCategory.AND}
+    if token.value == "first" and ends and category_at(before, -1) in (WordCategory.NOUN, WordCategory.PERSON):
+        return token.with_category(WordCategory.FILLER, "")
+    begins = not before[clause_start(before) :] and category_at(after, 0) is WordCategory.VERB and not turning
+    if token.value == "first" and begins:
+        return token.with_category(WordCategory.FILLER, "")  # "first drop me at the van"
     alone = all(other.category in DETERMINERS for other in before[clause_start(before) :])
     if alone and category_at(after, 0) is WordCategory.DIRECTION and category_at(after, 1) not in HEADS | MODIFIERS:
         return token.with_category(WordCategory.VERB, f"turn {token.value}")  # "next left, please"
