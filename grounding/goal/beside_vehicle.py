@@ -38,6 +38,8 @@ _IN_THE_ROAD = 3.5
 _EDGE_M = 0.3
 PARKING = ("park", "pull_over")
 BUMPERS = "bumper to bumper"
+# Least share of a gap that is asked for.
+_LEAST_SHARE = 0.6
 # Costs of candidates short of, beyond, left of and right of the vehicle.
 _SIDE_COSTS = {"near": (0.5, 0.5, 0.0, 0.0), "at": (0.0, 0.0, 0.0, 0.0), "toward": (0.0, 2.0, 1.0, 1.0)}
 
@@ -54,9 +56,10 @@ def preferred_gap_m(action: str | None, style: DrivingStyle) -> float:
 def gap_range(query: Query, item: SceneObject, style: DrivingStyle) -> DistanceRange:
     """Return the range of the gap between bumpers."""
     if query.distance_m is not None and query.distance_of == "referent":
-        # The distance of the command holds to within a metre and a tenth.
+        # The distance of the command holds to within a metre and a tenth, and most of a small one is kept.
         named, off = query.distance_m, 1 + query.distance_m / 10
-        return DistanceRange(max(min(_MIN_GAP_M, named), named - off), named, named + off)
+        least = max(named - off, _LEAST_SHARE * named)
+        return DistanceRange(max(min(_MIN_GAP_M, named), least), named, named + off)
     follows = query.action in ("follow", "change_lane") or query.relation == "same_as"
     preferred = preferred_gap_m(query.action, style)
     if follows:

@@ -109,9 +109,9 @@ def propose_back(road: RoadMap, distance_m: float) -> list[CandidateSet]:
 
 def propose_here(road: RoadMap) -> list[CandidateSet]:
     """Propose candidates at or near the present pose."""
-    cells = road.grid.cell_of(road.ego_lane.origin_m) + np.argwhere(np.ones((21, 21))) - 10
+    cells = road.grid.cell_of(road.start.xy_m) + np.argwhere(np.ones((21, 21))) - 10
     cells = cells[road.grid.contains(cells)]
-    distance_m = np.linalg.norm(road.grid.centre_of(cells) - road.ego_lane.origin_m, axis=1)
+    distance_m = np.linalg.norm(road.grid.centre_of(cells) - road.start.xy_m, axis=1)
     heading = np.full(len(cells), road.start.heading_rad)
     return [CandidateSet("where we are", cells, (distance_m / 1.0) ** 2, heading)]
 

@@ -33,6 +33,8 @@ _BACK_MORE_M = 5.0
 _BACKWARDS, _GEAR, _LITTLE_BACK_M, _SAME_WAY = 0.25, 0.3, 0.3, 0.7
 # A parked vehicle keeps this clear of a junction.
 _CLEAR_M = 2.0
+# A parked ego farther than this from the edge of the road stands in the way of others.
+_AT_EDGE_M = 1.6
 # Places on the footprint that are tested, as shares of its length and width.
 _FOOTPRINT = np.stack(np.meshgrid(np.linspace(-0.5, 0.5, 7), np.linspace(-0.5, 0.5, 3)), axis=-1).reshape(-1, 2)
 
@@ -127,3 +129,10 @@ def reversing_cost(
 
 
 NO_LIMITS = PlaceLimits(our_side=False, not_behind=False)
+
+
+def stands_at_edge(road: RoadMap, cell: tuple[int, int], heading_rad: float) -> bool:
+    """Return whether the ego stands at an edge of the road in a cell, out of the way of others."""
+    sides = heading_rad + np.array([np.pi / 2, -np.pi / 2])
+    away_m = road.edge_distance_m(np.array([cell, cell]), sides) - road.ego.width_m / 2
+    return bool(away_m.min() <= _AT_EDGE_M)

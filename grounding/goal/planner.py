@@ -23,6 +23,7 @@ from grounding.goal.limits import (
     PlaceLimits,
     reversing_cost,
     standing_cost,
+    stands_at_edge,
 )
 from grounding.goal.proposals import explain_refusal, is_in_our_way, propose_candidates, propose_relation
 from grounding.goal.search import LEAVES_ROAD, CandidateSearch
@@ -48,8 +49,8 @@ _MOVED_M = 0.6
 # A goal within this lateral offset of the ego lane is reported as behind the ego, if it is.
 _IN_LANE_M = 1.5
 _RUNNERS_UP = 3
-# A parked ego farther than this from the edge of the road stands in the way of others.
-_AT_EDGE_M = 1.6
+# A gap that differs by more from the one asked for is told.
+_TOLD_GAP_M = 0.35
 # A way that turns by more is a turn in the road; reversing less than this is not worth a word.
 _TURN_ROUND_RAD, _LITTLE_M = np.radians(150), 0.5
 # Where only one limit stands against the best place, that is asked.
@@ -267,7 +268,8 @@ def plan_place(
     if not best or way is None:
         return _plan_without_target(search, item, reasons)
     target, *others = (to_target(candidate, scene, road) for candidate in best)
-    reasons = [*reasons, *_explain_target(search, best[0], way), *_explain_second_row(query, best[0], road)]
+    reasons = [*reasons, *_explain_target(search, best[0], way), *_explain_gap(query, best[0])]
+    reasons += _explain_second_row(query, best[0], road)
     if target.score < _MIN_SCORE_OK:
         reasons.append("the best free place fits the command badly: it is too far away, or too awkward to reach")
         return GoalPlan(None, tuple(reasons), nearest=target, search=search)
@@ -357,6 +359,17 @@ def _explain_target(search: CandidateSearch, chosen: GoalCandidate, way: CarRout
     return [*reasons, _explain_way(way)]
 
 
+def _explain_gap(query: Query, chosen: GoalCandidate) -> list[str]:
+    """Return how far the gap is from the one that is asked for."""
+    gaps = chosen.candidates.gap_m
+    if query.distance_m is None or query.distance_of != "referent" or gaps is None:
+        return []
+    more_m = float(gaps[chosen.index]) - query.distance_m
+    if abs(more_m) < _TOLD_GAP_M:
+        return []
+    return [f"that is {abs(more_m):.1f} m {'more' if more_m > 0 else 'less'} than asked for"]
+
+
 def _explain_second_row(query: Query, chosen: GoalCandidate, road: RoadMap) -> list[str]:
     """Return the warning for a parking place that is not at the edge of the road."""
     if query.action not in PARKING_ACTIONS or not is_in_the_road(chosen.cell, chosen.heading_rad, road):
@@ -366,9 +379,7 @@ def _explain_second_row(query: Query, chosen: GoalCandidate, road: RoadMap) -> l
 
 def is_in_the_road(cell: tuple[int, int], heading_rad: float, road: RoadMap) -> bool:
     """Return whether others have to drive around who parks in a cell: it is neither at an edge nor in a car park."""
-    sides = heading_rad + np.array([np.pi / 2, -np.pi / 2])
-    away_m = road.edge_distance_m(np.array([cell, cell]), sides) - road.ego.width_m / 2
-    return not road.car_parks[cell] and bool(away_m.min() > _AT_EDGE_M)
+    return not road.car_parks[cell] and not stands_at_edge(road, cell, heading_rad)
 
 
 def _explain_way(way: CarRoute) -> str:

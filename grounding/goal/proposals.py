@@ -31,6 +31,8 @@ _RELATION_OF = {
     "pull_over": "near",
     "other": "near",
 }
+# Least distance to go on before the edge of the map.
+_LEAST_ON_M = 2.0
 # Distance ahead in the ego lane to stop, go on, slow down and creep, along the road edge, and backwards.
 _STOP_M, _ON_M = DistanceRange(0.0, 8.0, 25.0), DistanceRange(12.0, 20.0, 34.0)
 _SLOW_M, _EDGE_M = DistanceRange(3.0, 10.0, 25.0), DistanceRange(2.0, 5.0, 30.0)
@@ -226,6 +228,8 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
         ranges[action] = _ON_M
     if action in ranges:
         ahead = _distance_ahead(query, ranges[action])
+        if goes_on and query.distance_m is None:
+            ahead = _within_map(road, ahead)
         found = ego_lane.propose_in_lane(road, ahead, "in our lane")
         return [*found, *_propose_beyond_lane_end(road, ahead)], _note_lane_end(road, ahead.preferred_m)
     if action in ("wait", "give_way"):
@@ -252,6 +256,15 @@ def _propose_lane_change(query: Query, road: RoadMap, lanes: Sequence[str]) -> O
         found = [*away, *(replace(one, cost=one.cost + SECOND) for one in ours)]
         reasons = [f"{unknown}, and the lane at the kerb is ours"]
     return found, [*reasons, *_note_lane_end(road, ego_lane.CHANGE_M.least_m)]
+
+
+def _within_map(road: RoadMap, ahead: DistanceRange) -> DistanceRange:
+    """Return a distance ahead that is as short as the rest of our lane, where that leads to the edge of the map."""
+    lane = road.ego_lane
+    left_m = max(lane.end_m - road.ego.length_m, _LEAST_ON_M)
+    if lane.at_road_end or left_m >= ahead.preferred_m:
+        return ahead
+    return DistanceRange(min(ahead.least_m, left_m / 2), left_m, ahead.most_m)
 
 
 def _distance_ahead(query: Query, default: DistanceRange) -> DistanceRange:

@@ -94,8 +94,9 @@ class SceneModel:
         """
         if self.bev is None:
             raise AppoccError("scene: expected a map, there are objects only")
+        lane = self.road.ego_lane if start is not None and self.road is not None else None
         return RoadMap.from_map(
-            self.bev, self.objects, self.ego, start, self.left_hand_traffic, self.landmarks, self.style
+            self.bev, self.objects, self.ego, start, self.left_hand_traffic, self.landmarks, self.style, lane
         )
 
     def seen_from(self, pose: Pose2D) -> SceneModel:

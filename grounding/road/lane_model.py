@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
@@ -29,6 +29,9 @@ _PARALLEL_RAD, _LATERAL_SPREAD_M = 0.08, 6.0
 # Least share of road cells in a lane of the map.
 _MIN_ROAD_SHARE = 0.6
 _MAX_LANES, _MAX_VOTING_LANES = 3, 7
+# A place at such a lateral offset from a lane is at the side of it, and no lane of its own, if it has its direction
+# (cosine).
+_BESIDE_M, _SAME_WAY = (0.8, 3.3), 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +85,14 @@ class Centreline:
         """Return the direction of travel (...) at along-track distances (...)."""
         nearest = np.clip(np.rint((along_m - self.start_m) / POINT_M), 0, len(self.points_m) - 1).astype(np.int64)
         return np.asarray(np.arctan2(self.tangents[nearest, 1], self.tangents[nearest, 0]))
+
+    def from_beside(self, xy_m: FloatArray, heading_rad: float) -> Centreline | None:
+        """Return the line with its distances from a place (2,) beside it, parallel to it; None from another place."""
+        along_m, lateral_m = (float(each) for each in self.project(xy_m))
+        parallel = np.cos(heading_rad - float(self.direction_rad(xy_m))) > _SAME_WAY
+        beside = _BESIDE_M[0] < abs(lateral_m) < _BESIDE_M[1]
+        inside = self.start_m < along_m < self.end_m
+        return replace(self, start_m=self.start_m - along_m) if parallel and beside and inside else None
 
     def offset_points(self, along_m: FloatArray, lateral_m: float) -> FloatArray:
         """Return points (N, 2) at along-track distances (N,) and one lateral offset."""

@@ -108,6 +108,7 @@ class RoadMap:
         left_hand_traffic: bool | None = None,
         landmarks: Landmarks = NO_LANDMARKS,
         style: DrivingStyle = DEFAULT_STYLE,
+        lane: Centreline | None = None,
     ) -> RoadMap:
         """Return the road map of a map and the vehicles on it.
 
@@ -119,6 +120,7 @@ class RoadMap:
             left_hand_traffic: whether traffic drives on the left; None: as oncoming vehicles do, else on the right.
             landmarks: of a vector map, ego frame.
             style: gaps that the ego keeps.
+            lane: the present lane; from a start beside it, the ego drives on in that lane.
         """
         start = start or Pose2D(ego.centre_m, 0.0)
         grid, free_space = bev.grid, FreeSpace.from_map(bev, objects, ego, style.clearance_m)
@@ -129,7 +131,8 @@ class RoadMap:
         axis, confidence = estimate_axes(grid, drivable, (flags & UNKNOWN) == 0, bev.on[LANE], objects)
         edge_m, marking_m = _distance_m(grid, drivable), _distance_m(grid, ~bev.on[LANE])
         tracer = CentrelineTracer(grid, ego.width_m, axis, confidence, edge_m, marking_m)
-        ego_lane = tracer.trace(start.xy_m, start.heading_rad)
+        ours = lane.from_beside(start.xy_m, start.heading_rad) if lane is not None else None
+        ego_lane = ours or tracer.trace(start.xy_m, start.heading_rad)
         along_m, lateral_m = ego_lane.cell_coordinates(grid)
         clearance = _distance_m(grid, drivable & ((flags & TAKEN) == 0))
         free = clearance > ego.width_m / 2
