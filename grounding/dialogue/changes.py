@@ -73,7 +73,9 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | No
     )
     if state.question is not None and reading is not None and placed and _places_one(talk, reply.rest, reading):
         return _replace(talk, text, reading, request)  # "behind the beige one"
-    answers = state.question is not None and not (placed and "no" in reply.kinds)  # "no, behind the lorry" does not
+    # "No, behind the lorry" is no answer, nor "in front of it then" where one vehicle is asked about.
+    of_it = not state.lists and reading is not None and names_pronoun(reading)
+    answers = state.question is not None and not (placed and ("no" in reply.kinds or of_it))
     if answers and (answer := _answer_description(talk, text, reply, state.question, turn)):
         return answer
     places = placed or (turn is not None and turn.act == "place")

@@ -9,6 +9,8 @@ import numpy as np
 
 from grounding.answer import Answer
 from grounding.answering import accept_proposal, without
+from grounding.describe import describe_object
+from grounding.dialogue.clauses import clauses_of, is_phrase
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import any_of, find_fitting, reading_of, without_qualifiers
 from grounding.dialogue.telling.measures import gap_ends_m
@@ -46,6 +48,24 @@ def confirm(talk: Conversation, text: str) -> Answer:
     if len(question.candidates) == 1:
         return talk.choose(question.candidates[0], request, text)
     return ask_again(talk, text)
+
+
+def name_followed(talk: Conversation, text: str) -> Answer | None:
+    """Take the candidate that was followed, or tell which vehicle that was; None for other turns.
+
+    "The one we were following".
+    """
+    clauses = clauses_of(talk, text)
+    if len(clauses) != 1 or not is_phrase("followed", clauses[0]):
+        return None
+    plans = (talk.state.plan, *talk.state.earlier)
+    followed = [step for plan in plans for step in plan if step.query.action == "follow" and step.chosen is not None]
+    if not followed or (vehicle := followed[0].chosen) is None:
+        return None
+    if talk.state.lists and talk.state.request is not None:
+        return talk.choose(vehicle, talk.state.request, text)
+    talk.state = replace(talk.state, focus=(vehicle, followed[0].query.referent or Referent("vehicle", "one")))
+    return inform(talk, text, f"that was the {describe_object(vehicle.item, talk.scene)}")
 
 
 def take_any(talk: Conversation, text: str) -> Answer:

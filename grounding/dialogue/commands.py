@@ -17,11 +17,15 @@ from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.telling.reports import ask_again, inform, not_understood, notice
 from grounding.dialogue.turns import Turn
 from grounding.language import Reading, WordCategory
+from grounding.language.replies import Reply
 from grounding.language.revised_readings import evidence_of
 from grounding.query import Query, Referent
+from grounding.referent.resolver import Candidate
 from grounding.requests import STOPS, Request, requests_of
 from grounding.vocabulary import Action
 
+# Replies that open a sentence and change nothing.
+_OPENING = frozenset(("yes", "thanks", "pause", "meant"))
 # Actions that are about a vehicle.
 _OF_VEHICLES = ("follow", "overtake", "drive_past", "approach", "avoid")
 
@@ -68,10 +72,11 @@ def answer_command(
         if not points(first.tokens) and (aimed := talk.aimed_at):  # "stay behind": not what was only asked about
             if first.query.action == "avoid" and aimed.query.action == "follow":
                 return shift_more(talk, text, 1.0)  # "keep a safe gap"
-            first = each_step(first, lambda step: replace(step, referent=aimed.query.referent))
-            return talk.take([replace(one, chosen=aimed.chosen) for one in requests_of(first)], then)
+            named = aimed.query.referent
+            first = each_step(first, lambda step: replace(step, referent=named) if step.referent else step)
+            return talk.take([_at(aimed.chosen, one) for one in requests_of(first)], then)
         if talk.meant is not None:
-            return talk.take([replace(one, chosen=talk.meant) for one in requests_of(first)], then)
+            return talk.take([_at(talk.meant, one) for one in requests_of(first)], then)
     elif (
         state.question is not None
         and first.query.referent is not None
@@ -95,13 +100,36 @@ def answer_command(
     asks = answer.status == "ambiguous" and not state.question
     if asks and (again := talk.in_focus(first.query)):
         return talk.take([replace(requests_of(answer.reading)[-1], chosen=again)], then)
-    careful = first.query.action == "avoid" and first.query.relation == "none" and len(first.steps) == 1
-    if careful and state.goal is not None and not then:  # "don't splash her"
-        notice(talk, words)
-        return inform(talk, text, "the goal stays as it is: we keep clear of others on the way")
+    if _is_careful(first) and state.goal is not None and not then:  # "don't splash her"
+        return keep_clear(talk, text, words)
     if edits and not then and (edited := replace_step(talk, requests_of(answer.reading))):
         return edited
     return talk.take(requests_of(answer.reading), then, answer)
+
+
+def _at(vehicle: Candidate | None, step: Request) -> Request:
+    """Return a step with a settled vehicle, if it names one: "pass it and keep going"."""
+    return replace(step, chosen=vehicle) if step.query.referent is not None else step
+
+
+def keep_clear(talk: Conversation, text: str, words: str) -> Answer:
+    """Keep the goal: nobody is hindered or touched on the way to it."""
+    notice(talk, words)
+    return inform(talk, text, "the goal stays as it is: we keep clear of others on the way")
+
+
+def forbids_hindering(talk: Conversation, reply: Reply) -> bool:
+    """Return whether a turn only forbids to hinder somebody while a goal is in force: "but don't block the bus"."""
+    if talk.state.goal is None or talk.state.question is not None or not {*reply.kinds} <= _OPENING:
+        return False
+    reading = talk.read(reply.rest)
+    forbids = any(token.category is WordCategory.NOT for token in reading.tokens)
+    return forbids and _is_careful(reading) and is_understood(reading) and reading.query.distance_m is None
+
+
+def _is_careful(reading: Reading) -> bool:
+    """Return whether a command asks for no more than to keep clear of somebody."""
+    return reading.query.action == "avoid" and reading.query.relation == "none" and len(reading.steps) == 1
 
 
 def _stop_there(talk: Conversation, reading: Reading) -> Answer | None:
@@ -114,16 +142,21 @@ def _stop_there(talk: Conversation, reading: Reading) -> Answer | None:
 
 
 def _wait_there(talk: Conversation, reading: Reading) -> Answer | None:
-    """Keep the place of the goal for a wait at it: "wait there for my wife"; None for other sentences."""
-    plan, (first, *others) = talk.state.plan, reading.steps
-    if not plan or first.action != "wait" or any(one.action != "wait" for one in others):
+    """Keep the place of the goal for a wait at it, and add what comes after; None for other sentences.
+
+    "Wait there for my wife", "stay there for five minutes and then carry on".
+    """
+    plan, (first, *_) = talk.state.plan, reading.steps
+    if not plan or first.action != "wait" or not refers_to_place(reading.with_query(first)):
         return None
-    if not refers_to_place(reading.with_query(first)):
-        return None
+    wait, *others = requests_of(reading)
+    further = [one for one in others if one.query.action != "wait"]
     last = plan[-1]
     notes = tuple(one for one in reading.notes if one not in last.reading.notes)
     told = replace(last.reading, notes=(*last.reading.notes, *notes), dropped=reading.dropped)
-    return talk.take((*plan[:-1], merge_request(replace(last, reading=told), Query(reading.query.command))))
+    stop = merge_request(replace(last, reading=told), Query(reading.query.command))
+    waits = (replace(wait, reading=wait.reading.with_query(Query(reading.query.command, "wait", ("wait",)))),)
+    return talk.take((*plan[:-1], stop, *(waits if further else ()), *further))
 
 
 def _about_focus(talk: Conversation, query: Query) -> Query:

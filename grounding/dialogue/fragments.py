@@ -69,7 +69,7 @@ _VERB_CATEGORIES = (WordCategory.VERB, WordCategory.NONDRIVE, WordCategory.MEANW
 def carries_on(reading: Reading) -> bool:
     """Return whether a command only says "carry on", which agrees with a goal; "keep driving" gives it up."""
     query = reading.query
-    named = query.referent is not None or query.relation != "none"
+    named = query.referent is not None or query.relation != "none" or len(reading.steps) > 1
     return not named and any(token.text == "carry on" for token in reading.tokens)
 
 

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from grounding.answer import Answer
+from grounding.dialogue.choices import name_followed
 from grounding.dialogue.commands import answer_command
 from grounding.dialogue.conversation import Conversation
+from grounding.dialogue.exclusions import answer_exclusion
+from grounding.dialogue.gaps import answer_gap
 from grounding.dialogue.listed import answer_listed
+from grounding.dialogue.plans.giving_up import answer_giving_up
 from grounding.dialogue.plans.steps import edit_steps
 from grounding.dialogue.plans.waits import answer_wait
+from grounding.dialogue.road_position import answer_road_position
 from grounding.dialogue.sentences import answer_sentence, is_misunderstood
+from grounding.dialogue.somewhere import answer_somewhere
 from grounding.dialogue.telling.reports import inform, notice
-from grounding.dialogue.turns import ASIDES, DOING, predict_turn
+from grounding.dialogue.turns import ASIDES, DOING, names_command, predict_turn
 from grounding.language.alternatives import as_condition, lone_fallback
 from grounding.language.questions import asks_car
 from grounding.language.reader.fields import NONE
@@ -112,19 +119,25 @@ def _clauses_of(talk: Conversation, text: str) -> list[Part]:
 
 
 def _parts(talk: Conversation, texts: Sequence[str]) -> list[Part]:
-    found = []
+    found, lexicon = list[Part](), talk.grounder.lexicon
     for text in texts:
-        _, prediction = predict_turn(talk, text, read_reply(text, talk.grounder.lexicon))
+        _, prediction = predict_turn(talk, text, read_reply(text, lexicon))
         if prediction is not None:
             act, shares = prediction.best("act"), prediction.choices["act"]
-            if asks_car(text, talk.grounder.lexicon):
+            if asks_car(text, lexicon):
                 found.append(Part(text, "about", 1.0, 0.0))
                 continue
             if act in _NAMING and _names_nothing(prediction, text):
                 found.append(Part(text, "remark", 1.0, 0.0))  # "there's a cello in the back"
                 continue
             kind = next((kind for kind in _KINDS if act in kind), (act,))
-            found.append(Part(text, act, sum(map(shares.__getitem__, kind)), sum(map(shares.__getitem__, DOING))))
+            part = Part(text, act, sum(map(shares.__getitem__, kind)), sum(map(shares.__getitem__, DOING)))
+            # What is done instead of the only step: "stop following it, just drive normally".
+            instead = bool(found) and found[-1].act in _GIVING_UP and act not in _CHANGING
+            instead = instead and len(talk.state.steps) == 1
+            if instead and not part.is_sure and names_command(talk.read(read_reply(text, lexicon).rest)):
+                part = Part(text, "command", 1.0, 1.0)
+            found.append(part)
     return found
 
 
@@ -143,7 +156,9 @@ def answer_turn(talk: Conversation, text: str) -> Answer:
         if talk.state.goal is not None and talk.state.question is None:
             return inform(talk, text, f"it is possible, so '{fallback}' is not needed")
         return answer_turn(talk, fallback)
-    if answer := answer_listed(talk, text) or edit_steps(talk, text) or answer_wait(talk, text):
+    if answer := answer_listed(talk, text) or _answer_phrases(talk, text, partial(answer_turn, talk)):
+        return answer
+    if answer := edit_steps(talk, text) or answer_wait(talk, text):
         return answer
     before = talk.state
     parts = [] if talk.is_opening else _sentences_of(talk, text)
@@ -164,6 +179,15 @@ def answer_turn(talk: Conversation, text: str) -> Answer:
             return again
         talk.state = after
     return answer
+
+
+def _answer_phrases(talk: Conversation, text: str, answer_rest: Callable[[str], Answer]) -> Answer | None:
+    """Answer a turn by its phrases, where each clause is one that is known as a whole; None for other turns."""
+    if answer := name_followed(talk, text) or answer_gap(talk, text) or answer_somewhere(talk, text):
+        return answer
+    if answer := answer_giving_up(talk, text, answer_rest) or answer_road_position(talk, text, answer_rest):
+        return answer
+    return answer_exclusion(talk, text)
 
 
 def _answer_each(talk: Conversation, parts: Sequence[Part], reasons: bool = True) -> Answer | None:

@@ -30,7 +30,7 @@ from grounding.dialogue.choices import (
     take_other,
     take_roomiest,
 )
-from grounding.dialogue.commands import answer_command, ask_to_stop
+from grounding.dialogue.commands import answer_command, ask_to_stop, forbids_hindering, keep_clear
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import (
     carries_on,
@@ -138,9 +138,13 @@ def answer_sentence(talk: Conversation, text: str) -> Answer:
         return told
     talk.state = before
     reply = read_reply(text, talk.grounder.lexicon)
-    ends = stands(before) or not (talk.is_opening or _GIVING_UP.isdisjoint(reply.kinds))
-    if ends and talk.read(text).query.manoeuvre == "onward":
+    # After a goal is dropped, "carry on" agrees with nothing.
+    dropped = not talk.is_opening and before.goal is None and before.question is None
+    ends = stands(before) or dropped or not (talk.is_opening or _GIVING_UP.isdisjoint(reply.kinds))
+    if ends and "then" not in reply.kinds and talk.read(text).query.manoeuvre == "onward":
         return answer_command(talk, text, reply.rest or text)  # "carry on" ends a wait, "neither, keep going" a plan
+    if forbids_hindering(talk, reply):
+        return keep_clear(talk, text, reply.rest)
     guess = read_turn(talk, text, reply)
     turn = guess if guess is not None and guess.is_sure else None
     answer = _answer_turn(talk, text, reply, turn) if turn else None
@@ -154,7 +158,7 @@ def answer_sentence(talk: Conversation, text: str) -> Answer:
         talk.state = before
         return confirm(talk, text)
     if guess is not None and not guess.is_likely_command and before.goal is not None:
-        if answer.query.manoeuvre == "onward" and carries_on(answer.reading):
+        if answer.query.manoeuvre == "onward" and len(answer.steps) < 2 and carries_on(answer.reading):
             talk.state = before
             return confirm(talk, text)  # "do carry on"
         if _names_no_place(answer):

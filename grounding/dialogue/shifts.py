@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -46,11 +47,11 @@ def shift_last(talk: Conversation, text: str, shift: Shift) -> Answer:
     return replace(answer, reasons=(*answer.reasons, "the goal stays where it was"))
 
 
-def move_elsewhere(talk: Conversation, text: str) -> Answer:
+def move_elsewhere(talk: Conversation, text: str, directions: Sequence[ShiftDirection] = ("ahead", "back")) -> Answer:
     """Move the goal in force to the nearest other place that will do, along our way."""
     answers = []
     for distance_m in _ELSEWHERE_M:
-        for direction in ("ahead", "back"):
+        for direction in directions:
             answers.append(shift_last(talk, text, Shift(direction, distance_m, whole=True)))
             if answers[-1].status == "ok":
                 return answers[-1]

@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import Any, get_args
 
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.fragments import carries_on, has_verb, is_understood, names_pronoun
+from grounding.dialogue.fragments import begins_with_place, carries_on, has_verb, is_understood, names_pronoun
 from grounding.language import Reading, WordCategory
 from grounding.language.reader.fields import ACTS, FIELDS, NONE
 from grounding.language.reader.network import Numbers, Prediction
@@ -269,6 +269,8 @@ def read_turn(talk: Conversation, text: str, reply: Reply) -> Turn | None:
     own = own_act(reply, reading)
     scores = vote_on_act(prediction.choices["act"], own, default_turn_reader().rule["act"])
     act = max(scores, key=scores.__getitem__)
+    if act == "yes" and reply.rest and begins_with_place(reply.rest, talk.readings):
+        act = "place"  # "ok, behind it is fine then": at an offer, it is the same wish again
     # "Hold up, wait a sec" is a pause, a bare "wait" a command.
     says_it = own[0] != "command" or _names_something(reading) or len(reading.tokens) == 1
     # "Do carry on" agrees with the goal in force.
@@ -314,6 +316,11 @@ def _is_command(reading: Reading) -> bool:
     forbids = any(token.category is WordCategory.NOT for token in reading.tokens)
     asks = _names_something(reading) or forbids or reading.query.action != "other"
     return has_verb(reading) and is_understood(reading) and asks
+
+
+def names_command(reading: Reading) -> bool:
+    """Return whether the grammar understands a command that says where, about what or how to drive."""
+    return has_verb(reading) and is_understood(reading) and _names_something(reading)
 
 
 def _names_something(reading: Reading) -> bool:

@@ -26,6 +26,21 @@ _PLAN_KINDS = (
     *("dropping", "rejecting", "dropped", "keeping", "rest", "stop", "step", "being", "swapping", "both", "visiting"),
     *("untilword", "telling", "awaited", "till", "supposed", "passed", "return", "beforehand", "beforethat"),
     *("starting", "retelling"),
+    *("atedge", "ourside", "otherside", "ourlane", "someplace", "anyplace", "upahead", "notback"),
+    *("leaving", "leavingmore", "sufficing", "apart", "tooclose"),
+    *("hindering", "particle", "elsewherethan"),
+    *(
+        "letting",
+        "going",
+        "unfollowing",
+        "longer",
+        "usualpace",
+        "usualway",
+        "enoughpace",
+        "followed",
+        "remainder",
+        "nothingelse",
+    ),
 )
 _WORD_KINDS = ("skip", "tail", *_COMPARATIVES, *_PLAN_KINDS)
 # Replies that only open a sentence about a plan: "no wait, forget the stop", "ok and go on then".
@@ -126,7 +141,7 @@ def read_reply(text: str, lexicon: Lexicon | None = None) -> Reply:
     if (number := _ordinal(rest, lexicon)) is not None:
         return Reply(kinds, " ".join(rest), number)
     if rest:
-        distance_m, others = _without_distance(rest, lexicon)
+        distance_m, others = split_distance(rest, lexicon)
         more, left = _split(others, lexicon)
         if distance_m is not None and not left and more and more[-1] in (*SHIFTS, "more", "less"):
             return Reply((*kinds, *more), "", None, distance_m)
@@ -167,7 +182,7 @@ def respelled(words: Sequence[str], lexicon: Lexicon) -> Iterator[str]:
 
 def named_distance(text: str, lexicon: Lexicon | None = None) -> float | None:
     """Return the only distance that a sentence names, in metres; None without one."""
-    return _without_distance(tuple(WORD.findall(normalise(text))), lexicon or default_lexicon())[0]
+    return split_distance(tuple(WORD.findall(normalise(text))), lexicon or default_lexicon())[0]
 
 
 def with_superlatives(text: str) -> str:
@@ -255,8 +270,8 @@ def _is_tail(words: tuple[str, ...]) -> bool:
     return any(pattern.match_end(words, 0) == len(words) for pattern in _replies("tail").by_word.get(words[0], ()))
 
 
-def _without_distance(words: tuple[str, ...], lexicon: Lexicon) -> tuple[float | None, tuple[str, ...]]:
-    """Return the distance that some words name, and the other words."""
+def split_distance(words: tuple[str, ...], lexicon: Lexicon) -> tuple[float | None, tuple[str, ...]]:
+    """Return the only distance that some words name, None without one, and the other words."""
     tokens = merge_quantities(tokenise(" ".join(words), lexicon))
     named = [token for token in tokens if token.category is WordCategory.DISTANCE]
     others = " ".join(_beyond_distance(token.text) if token in named else token.text for token in tokens)

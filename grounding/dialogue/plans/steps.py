@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from grounding.answer import Answer
+from grounding.dialogue.clauses import whole_number
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import begins_with_place, has_verb, is_understood, read_description
 from grounding.dialogue.merging import names_place
@@ -13,7 +14,6 @@ from grounding.dialogue.telling.phrases import describe_goal, said
 from grounding.dialogue.telling.reports import cancel, inform
 from grounding.language import WordCategory
 from grounding.language.replies import named_distance, words_after_opening, words_end
-from grounding.language.syntax.lexicon import default_lexicon
 from grounding.language.syntax.phrase_patterns import WORD
 from grounding.language.syntax.tokenizer import normalise
 from grounding.query import Query, Referent
@@ -22,10 +22,13 @@ from grounding.requests import STOPS, Request, after_turns, requests_of
 from grounding.vocabulary import POSITIONS
 
 Words = tuple[str, ...]
-# Actions that hold until an event comes.
+# Actions that pass a vehicle, and those that hold until an event comes.
+_PASSING = ("overtake", "drive_past", "avoid")
 HOLDING = ("wait", "give_way")
 _MARKS, _ARTICLES = (",", ".", ";", "!", "?"), ("the", "that", "this", "our", "my", "a", "your")
 _JOINING = (*_MARKS, "and", "but", "then")
+# Who is dropped at a place.
+_PASSENGERS = ("me", "us", "him", "her", "them")
 # Positions from the end, and that of a further step.
 _LAST, _FURTHER = -1, 0
 _ENDS = {"last": _LAST, "final": _LAST, "next": _FURTHER}
@@ -49,14 +52,6 @@ def edit_steps(talk: Conversation, text: str) -> Answer | None:
 # What a step is called ----------------------------------------------------------------------------------------------
 
 
-def _number(word: str) -> int | None:
-    """Return the whole number that a word is; None for other words."""
-    _, entry = default_lexicon().longest_match((word,), 0) or (0, None)
-    if word.isdigit():
-        return int(word)
-    return int(float(entry.value)) if entry is not None and entry.category is WordCategory.NUMBER else None
-
-
 def _position(words: Words, start: int) -> tuple[int, int] | None:
     """Return the position that words name ("the second", "last", "stop two") and the end of its name."""
     at = start + 1 if words[start : start + 1] and words[start] in _ARTICLES else start
@@ -65,7 +60,7 @@ def _position(words: Words, start: int) -> tuple[int, int] | None:
     if (number := POSITIONS.get(words[at], _ENDS.get(words[at]))) is not None:
         return number, at + 1
     noun = _noun_end(words, at)
-    counted = _number(words[noun]) if noun > at and words[noun:] else None
+    counted = whole_number(words[noun]) if noun > at and words[noun:] else None
     metres = named_distance(" ".join(words[noun : noun + 2])) is not None  # "stop 10 metres behind the car"
     return (counted, noun + 1) if counted and not metres else None
 
@@ -99,6 +94,8 @@ def _named(talk: Conversation, steps: Sequence[Request], words: Words) -> list[i
         return None
     if (found := _at_position(steps, words)) is not None:
         return found
+    if words_end("remainder", words, 0) == len(words):
+        return _counted(steps, only_stops=False)[1:]
     phrase = " ".join(words)
     reading = talk.readings(phrase.removeprefix("the "), None, alone=False)[0]
     query = reading.query
@@ -176,20 +173,38 @@ def _keeps(talk: Conversation, left: Sequence[Request], tail: Words) -> bool:
 
 
 def _keep_only(talk: Conversation, text: str) -> Answer | None:
-    """Drop all steps but those that the last clause names: "no van today. Only the truck"; None for other turns."""
+    """Drop all steps but those that a clause names: "no van today. Only the truck"; None for other turns."""
     steps, words = after_turns(talk.state.steps), tuple(WORD.findall(normalise(text)))
-    begins = [0, *(i + 1 for i, word in enumerate(words) if word in (*_JOINING, "so"))]
+    begins = [i for i in range(len(words)) if _begins_clause(talk, words, i)]
     start = next((i for i in reversed(begins) if words_end("keeping", words, i) > i), None)
-    if start is None or len(_counted(steps, only_stops=False)) < 2:
+    if start is None:
         return None
     before = talk.read(" ".join(words[:start])) if start else None
     if before is not None and not before.problem and names_place(before.query):
         return None  # "park behind the van, just the small one"
-    kept = " ".join(words[words_end("keeping", words, start) :])
-    found = _named(talk, steps, words_after_opening(kept, talk.grounder.lexicon))
-    if not found or len(found) == len(steps):
+    named, tail = _cut(words[words_end("keeping", words, start) :])
+    kept = words_after_opening(" ".join(named), talk.grounder.lexicon)
+    found = _named(talk, steps, kept)
+    if not found or not _drops_only(talk, tail):
         return None
-    return talk.take_steps(text, tuple(steps[i] for i in found))
+    if len(_counted(steps, only_stops=False)) == 1 and talk.state.goal is not None and not talk.state.question:
+        return inform(talk, text, "the goal stays as it is: it is the only step")
+    return talk.take_steps(text, tuple(steps[i] for i in found)) if len(found) < len(steps) else None
+
+
+def _begins_clause(talk: Conversation, words: Words, at: int) -> bool:
+    """Return whether a clause begins at a word, or the words before it only open the sentence: "ok, only the van"."""
+    joined = at == 0 or words[at - 1] in (*_JOINING, "so")
+    return joined or not words_after_opening(" ".join(words[:at]), talk.grounder.lexicon)
+
+
+def _drops_only(talk: Conversation, tail: Words) -> bool:
+    """Return whether what follows asks for nothing, or gives something up: "only the van, forget the second bit"."""
+    while tail and tail[0] in _JOINING:
+        tail = tail[1:]
+    after = words_after_opening(" ".join(tail), talk.grounder.lexicon)
+    drops = any(words_end(kind, after, 0) for kind in ("dropping", "rejecting"))
+    return not after or drops or words_end("nothingelse", after, 0) == len(after)
 
 
 def _swap(talk: Conversation, text: str, words: Words) -> Answer | None:
@@ -228,12 +243,16 @@ def _move(talk: Conversation, text: str, words: Words) -> Answer | None:
 
 
 def _change_back(talk: Conversation, text: str, words: Words) -> Answer | None:
-    """Change the lane to the other side after a change of lane: "and now go back"; None after other steps."""
+    """Go back to our lane after a change of lane, or after passing a vehicle; None after other steps."""
     last, goal = talk.state.steps[-1], talk.state.goal
+    returns = words_end("return", words, 0) == len(words)
+    if returns and last.query.action in _PASSING and "lane" in words:
+        query = Query(text, "other", ("other",), manoeuvre="onward")
+        return talk.take((*talk.state.steps, Request(reading=last.reading.with_query(query))))
     side = last.query.direction
     if side is None and goal is not None and goal.target is not None:
         side = "left" if goal.target.ego_m[1] > 0 else "right"
-    if last.query.action != "change_lane" or side is None or words_end("return", words, 0) != len(words):
+    if last.query.action != "change_lane" or side is None or not returns:
         return None
     query = Query(text, "change_lane", ("change_lane",), direction="left" if side == "right" else "right")
     return talk.take((*talk.state.steps, Request(reading=last.reading.with_query(query))))
@@ -244,7 +263,9 @@ def _change_back(talk: Conversation, text: str, words: Words) -> Answer | None:
 
 def _name_stops(talk: Conversation, text: str, words: Words) -> Answer | None:
     """Put stops that are named in their order into the plan: "second stop behind the truck"; None for other turns."""
-    numbered = (i for i in range(len(words) - 1) if _number(words[i]) and words_end("stop", words, i + 1) > i + 1)
+    numbered = (
+        i for i in range(len(words) - 1) if whole_number(words[i]) and words_end("stop", words, i + 1) > i + 1
+    )
     if next(numbered, None) is not None:
         talk.state = replace(talk.state, counts_stops=True)  # "three stops"
     steps = talk.state.steps
@@ -264,7 +285,7 @@ def _name_stops(talk: Conversation, text: str, words: Words) -> Answer | None:
 def _stops_in(words: Words, talk: Conversation) -> Iterator[tuple[int, Words]]:
     """Yield position and place of each stop that is named."""
     begins = [0, *(i + 1 for i, word in enumerate(words) if word in _JOINING)]
-    marks = [(i, *found) for i in begins if (found := _stop_number(words, i, talk))]
+    marks = [(i, *found) for i in begins if (found := _stopwhole_number(words, i, talk))]
     for (_, number, start), end in zip(marks, [*(mark[0] for mark in marks[1:]), len(words)], strict=False):
         place = words[start:end]
         while place and place[-1] in _JOINING:
@@ -273,7 +294,7 @@ def _stops_in(words: Words, talk: Conversation) -> Iterator[tuple[int, Words]]:
             yield number, place
 
 
-def _stop_number(words: Words, start: int, talk: Conversation) -> tuple[int, int] | None:
+def _stopwhole_number(words: Words, start: int, talk: Conversation) -> tuple[int, int] | None:
     """Return the position of a stop that is named from a word on, and the beginning of its place; None if none is."""
     state = talk.state
     start = words_end("visiting", words, start)
@@ -284,6 +305,8 @@ def _stop_number(words: Words, start: int, talk: Conversation) -> tuple[int, int
     noun = words_end("stop", words, end)
     by_noun = noun > end or any(words_end("stop", words, i) > i for i in range(start, end))
     at = noun if by_noun else words_end("step", words, end)
+    if words[at : at + 1] and words[at] in _PASSENGERS:
+        return None  # "first drop me at the van": a verb, and no first drop
     place = max(words_end("being", words, at), at + (words[at : at + 1] == (",",)))
     # "The second one" may be a vehicle, unless the stops are counted or "is" follows.
     follows = number == len(_counted(state.steps, only_stops=True)) + 1 > 1 and place > at
@@ -295,8 +318,8 @@ def _stop_at(talk: Conversation, text: str, place: Words) -> tuple[Request, ...]
     """Return the steps of a stop at a place, or of the command that its words are; None if they are neither."""
     phrase = " ".join(place)
     begins = begins_with_place(phrase, talk.readings)
-    commands = [phrase] if has_verb(talk.read(phrase)) else [f"stop {phrase}" if begins else f"stop by {phrase}"]
-    readings = talk.readings(commands[0], talk.antecedent, alone=False)
+    command = f"stop {phrase}" if begins else phrase if has_verb(talk.read(phrase)) else f"stop by {phrase}"
+    readings = talk.readings(command, talk.antecedent, alone=False)
     if readings[0].problem or readings[0].doubt or not names_place(readings[0].query):
         return None
     return requests_of(said(talk.grounder.best_answer(readings).reading, text))
