@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from appocc.errors import AppoccError
+from appocc.motion_state import MOVING_MPS
 from grounding.answer import Answer
 from grounding.answering import accept_proposal, answer_steps
 from grounding.dialogue.memory import Memory
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 # Vehicles fit alike if their log scores differ by less, as by their places alone, and the words fit by this share.
 _ALIKE, _ALIKE_FIT = 2.5, 0.5
+# Actions that pass a vehicle.
+_PASSING = ("overtake", "drive_past")
 
 
 def _without_given_up(steps: Sequence[Request]) -> tuple[Request, ...]:
@@ -41,7 +44,20 @@ def _gives_up(step: Request, following: Request) -> bool:
     stays = following.query.action == "follow" or following.query.relation == "behind"
     # "Just tuck in and follow it": to tuck in is no place of its own.
     parks = query.action in ("park", "stop", "pull_over") and query.relation == "none"
-    return stays and (query.action in ("overtake", "drive_past") or parks)
+    return stays and (query.action in _PASSING or parks)
+
+
+def _beyond_passed(steps: Sequence[Request]) -> tuple[Request, ...]:
+    """Return steps in which "past it", once a vehicle that drives is passed, is where we are then."""
+    placed = list(steps)
+    for i, (step, following) in enumerate(pairwise(steps), start=1):
+        passed, named = step.chosen, following.chosen
+        drives = passed is not None and (passed.item.speed_mps or 0.0) > MOVING_MPS
+        same = passed is not None and named is not None and passed.item.id == named.item.id
+        if drives and same and step.query.action in _PASSING and following.query.relation == "past":
+            query = replace(following.query, relation="none", landmark=None, referent=None)
+            placed[i] = replace(following, chosen=None, reading=following.reading.with_query(query))
+    return tuple(placed)
 
 
 class Conversation:
@@ -151,7 +167,8 @@ class Conversation:
 
         Staying behind a vehicle replaces a step that passes it.
         """
-        steps = _without_given_up(join_drives((*self.state.plan, *requests)) if then else tuple(requests))
+        joined = _beyond_passed(join_drives((*self.state.plan, *requests))) if then else tuple(requests)
+        steps = _without_given_up(joined)
         answer = answer if steps == tuple(requests) else None
         if answer is None:
             answer = self.answer_steps(steps)

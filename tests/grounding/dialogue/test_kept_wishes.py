@@ -210,3 +210,11 @@ def test_the_way_back_to_our_lane_after_a_place_beside_it() -> None:
     street = Street().car("white", 16, -2.4, WHITE)
     answer = say("park behind the white car", "and then drive on", session=street.grounder().session())
     assert abs(lateral_m(answer)) < IN_LANE_M
+
+
+def test_past_a_vehicle_that_drives_is_where_we_are_then() -> None:
+    street = Street().car("bus", 12, 0, RED, speed_mps=2.0, size_wlh_m=(2.5, 8.0, 3.0), category="vehicle.bus.rigid")
+    answer = say(
+        "overtake the bus", "and then stop at the side once we're past it", session=street.grounder().session()
+    )
+    assert (answer.status, actions(answer)) == ("ok", ["overtake", "stop"])
