@@ -6,7 +6,7 @@ from grounding.answer import Answer
 from grounding.dialogue.clauses import MARKS, Words, is_phrase
 from grounding.dialogue.commands import keep_clear
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.fragments import complete, is_understood, names_pronoun
+from grounding.dialogue.fragments import begins_with_place, complete, is_understood, names_pronoun
 from grounding.dialogue.merging import merge_request
 from grounding.dialogue.telling.reports import inform
 from grounding.language import WordCategory
@@ -54,7 +54,10 @@ def _hindered(talk: Conversation, words: Words) -> Words:
 def _refused_place(talk: Conversation, words: Words, request: Request) -> Relation | None:
     """Return the place at the vehicle in force that a clause only refuses: "not behind it"; None for others."""
     start = words_end("elsewherethan", words, 0)
-    placed = complete(" ".join(words[start:]), request.query, talk.antecedent, talk.readings) if start else None
+    where = " ".join(words[start:])
+    if not start or not begins_with_place(where, talk.readings):
+        return None  # "not too close"
+    placed = complete(where, request.query, talk.antecedent, talk.readings)
     named = placed is not None and names_pronoun(placed) and placed.query.relation != "none"
     return placed.query.relation if placed is not None and named else None
 

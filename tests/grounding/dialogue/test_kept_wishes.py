@@ -200,6 +200,11 @@ def test_first_is_no_ordinal_of_a_vehicle(turn: str) -> None:
     assert answer.steps[0].query.referent.qualifiers == ()
 
 
+@pytest.mark.parametrize("turn", ["not too close tho", "not so near please"])
+def test_not_too_close_is_a_larger_gap(turn: str) -> None:
+    assert "as asked" in told(session_at_white_car(), turn)
+
+
 def test_the_one_that_was_followed() -> None:
     session = drive()
     say("follow the black car", "stop behind the white car", session=session)
