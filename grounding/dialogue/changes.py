@@ -318,3 +318,12 @@ def drop_steps(talk: Conversation, text: str, action: Action) -> Answer:
     if len(left) == len(plan):
         return inform(talk, text, f"the plan has no step '{action}': it stays as it is")
     return talk.take_steps(text, left)
+
+
+def names_place_only(talk: Conversation, words: str) -> bool:
+    """Return whether words name another place at a vehicle that they do not describe, while a goal is in force."""
+    state = talk.state
+    if state.goal is None or state.question is not None or state.request is None:
+        return False
+    placed = complete(words, state.request.query, talk.antecedent, talk.readings)
+    return placed is not None and names_pronoun(placed)

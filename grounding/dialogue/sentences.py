@@ -14,6 +14,7 @@ from grounding.dialogue.changes import (
     drop_step_at,
     drop_step_number,
     drop_steps,
+    names_place_only,
     refuse_described,
     unknown_one,
 )
@@ -30,14 +31,13 @@ from grounding.dialogue.choices import (
     take_other,
     take_roomiest,
 )
+from grounding.dialogue.clauses import clauses_of
 from grounding.dialogue.commands import answer_command, ask_to_stop, forbids_hindering, keep_clear
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import (
     carries_on,
-    complete,
     goes_onto_pavement,
     has_verb,
-    names_pronoun,
     read_description,
     stops_at_side,
 )
@@ -140,9 +140,11 @@ def answer_sentence(talk: Conversation, text: str) -> Answer:
     reply = read_reply(text, talk.grounder.lexicon)
     # After a goal is dropped, "carry on" agrees with nothing.
     dropped = not talk.is_opening and before.goal is None and before.question is None
-    ends = stands(before) or dropped or not (talk.is_opening or _GIVING_UP.isdisjoint(reply.kinds))
-    if ends and "then" not in reply.kinds and talk.read(text).query.manoeuvre == "onward":
-        return answer_command(talk, text, reply.rest or text)  # "carry on" ends a wait, "neither, keep going" a plan
+    gives_up = not (talk.is_opening or _GIVING_UP.isdisjoint(reply.kinds))
+    ends = gives_up or ((stands(before) or dropped) and "then" not in reply.kinds)
+    if ends and talk.read(text).query.manoeuvre == "onward":
+        onward = reply.rest or (" ".join(clauses_of(talk, text)[-1]) if gives_up else text)
+        return answer_command(talk, text, onward)  # "carry on" ends a wait, "neither, keep going" a plan
     if forbids_hindering(talk, reply):
         return keep_clear(talk, text, reply.rest)
     guess = read_turn(talk, text, reply)
@@ -295,7 +297,7 @@ def _says_more(talk: Conversation, text: str, reply: Reply, turn: Turn) -> bool:
     if act in ("pause", "remark", "cancel"):
         return "meant" in reply.kinds and bool(reply.rest) and not turn.is_certain  # "oh wait, I meant right"
     may_place = act == "other" or (act in ("shift", "more", "less") and reply.leading_shift)
-    return bool(may_place) and _names_place_only(
+    return bool(may_place) and names_place_only(
         talk, reply.rest
     )  # "the other van. In front of it", "a bit before it"
 
@@ -378,7 +380,7 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
         return answer_command(talk, text, reply.rest, then, "yes" in reply.kinds, edits, turn)
     if then and not reading.problem and reading.query.relation == "none":
         return answer_command(talk, text, reply.rest, then=True, turn=turn)  # "then behind the van" is another place
-    if "other" in reply.kinds and _names_place_only(talk, reply.rest):
+    if "other" in reply.kinds and names_place_only(talk, reply.rest):
         take_other(talk, text)  # "no, the other van. In front of it"
     if answer := answer_fragment(talk, text, reply):
         return answer
@@ -387,12 +389,3 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
     if state.question is not None and state.request is not None and not turn:
         return ask_again(talk, text)
     return answer_command(talk, text, text if reading.problem else reply.rest, turn=turn)
-
-
-def _names_place_only(talk: Conversation, words: str) -> bool:
-    """Return whether words name another place at a vehicle that they do not describe, while a goal is in force."""
-    state = talk.state
-    if state.goal is None or state.question is not None or state.request is None:
-        return False
-    placed = complete(words, state.request.query, talk.antecedent, talk.readings)
-    return placed is not None and names_pronoun(placed)
