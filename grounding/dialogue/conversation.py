@@ -12,15 +12,17 @@ from appocc.errors import AppoccError
 from appocc.motion_state import MOVING_MPS
 from grounding.answer import Answer
 from grounding.answering import accept_proposal, answer_steps
-from grounding.dialogue.memory import Memory
+from grounding.dialogue.memory import Memory, Told
 from grounding.dialogue.telling.phrases import ask, said
 from grounding.language import Reading
+from grounding.language.questions import Question
 from grounding.language.reader.network import Prediction
 from grounding.language.reader.turns import State
 from grounding.query import Query, Referent
 from grounding.referent.resolver import Candidate, find_all
 from grounding.referent.scene import SceneModel
 from grounding.requests import Request, join_drives, requests_of
+from grounding.scene_object import SceneObject
 
 if TYPE_CHECKING:
     from grounding.grounder import Grounder
@@ -70,6 +72,10 @@ class Conversation:
         self._read: dict[tuple[str, Referent | None, str, bool], tuple[Reading, ...]] = {}
         # Predictions of words by state and last command: a part of a turn is first told apart, then answered.
         self.predictions: dict[tuple[str, State, Query | None], Prediction | None] = {}
+        # The question answered last, the ids of what an answer lists, and the number of this turn.
+        self.told: Told | None = None
+        self.listed: tuple[str, ...] = ()
+        self.turn = 0
 
     # What words refer to --------------------------------------------------------------------------------------------
 
@@ -142,6 +148,26 @@ class Conversation:
         """Forget the readings and predictions of the turn before."""
         self._read.clear()
         self.predictions.clear()
+        self.turn += 1
+
+    # What was told -----------------------------------------------------------------------------------------------
+
+    @property
+    def last_told(self) -> Told | None:
+        """The question that this turn may follow up: one answered in it or in the turn before; None without one."""
+        return self.told if self.told is not None and self.told.turn >= self.turn - 1 else None
+
+    def told_ids(self) -> tuple[str, ...]:
+        """Return the ids of what the answer told that this turn may follow up, best first."""
+        return self.last_told.ids if self.last_told is not None else ()
+
+    def list_items(self, items: Sequence[SceneObject]) -> None:
+        """Keep the things that an answer to a question tells."""
+        self.listed = tuple(one.id for one in items)
+
+    def keep_told(self, question: Question) -> None:
+        """Keep a question that was answered, for the questions that follow it up."""
+        self.told, self.listed = Told(question, self.listed, self.turn), ()
 
     def readings(
         self, words: str, antecedent: Referent | None = None, verb: str = "", *, alone: bool = True

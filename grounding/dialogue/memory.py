@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from grounding.answer import Answer
+from grounding.language.questions import Question
 from grounding.query import Referent
 from grounding.referent.resolver import Candidate
 from grounding.requests import Request
@@ -13,6 +14,21 @@ from grounding.requests import Request
 _MAX_EARLIER = 8
 # Vehicles that are remembered for "the other one".
 _MAX_SPOKEN = 4
+
+
+@dataclass(frozen=True)
+class Told:
+    """A question that was answered.
+
+    Attributes:
+        question: the question, with what an earlier one added.
+        ids: ids of what the answer told, best first.
+        turn: number of its turn.
+    """
+
+    question: Question
+    ids: tuple[str, ...]
+    turn: int
 
 
 @dataclass(frozen=True, kw_only=True)

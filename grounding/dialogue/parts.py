@@ -36,6 +36,8 @@ _CLAUSE = re.compile(
 )
 # Least probability of an act that is certain, and of any act with an effect.
 _SURE, _MAY_DO = 0.7, 0.5
+# Least probability of acts with an effect in words that are no mere lead-in of a question.
+_MAY_MATTER = 0.15
 # Acts without an effect: chat, and a mere yes or no before another part ("no, no. The other one").
 _CHAT, _REPLIES = ("remark", "pause"), ("yes", "no")
 # Acts whose probabilities are added, since the grammar tells them apart as well.
@@ -141,6 +143,15 @@ def _parts(talk: Conversation, texts: Sequence[str]) -> list[Part]:
     return found
 
 
+def _leads_in(talk: Conversation, parts: Sequence[Part]) -> bool:
+    """Return whether the last part asks the car, and the others only lead in: "that's better. What's behind us?"."""
+    *others, last = parts
+    if not others or last.act != "about" or last.does > 0:
+        return False
+    open_ = talk.state.question is not None
+    return all(one.does < _MAY_MATTER and not (open_ and (one.is_reply or one.asks)) for one in others)
+
+
 def _names_nothing(prediction: Prediction, text: str) -> bool:
     """Return whether a part names neither a vehicle nor a place, nor a distance."""
     values = (prediction.best(field) for field in ("noun", "colour", "relation", "goal_side", "direction"))
@@ -161,7 +172,12 @@ def answer_turn(talk: Conversation, text: str) -> Answer:
     if answer := edit_steps(talk, text) or answer_wait(talk, text):
         return answer
     before = talk.state
-    parts = [] if talk.is_opening else _sentences_of(talk, text)
+    parts = _sentences_of(talk, text)
+    if parts and not asks_car(text, talk.grounder.lexicon):
+        lead_in = next((each for each in (parts, _clauses_of(talk, text)) if _leads_in(talk, each)), None)
+        if lead_in is not None:
+            return answer_sentence(talk, lead_in[-1].text)
+    parts = [] if talk.is_opening else parts
     if len(parts) == 1 and parts[0].act in _GIVING_UP:
         clauses = _clauses_of(talk, text)  # "never mind overtaking, just stay behind it"
         parts = clauses if any(one.asks for one in clauses) else []

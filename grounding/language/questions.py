@@ -19,9 +19,37 @@ from grounding.language.syntax.word_categories import MODIFIERS, NOUNS, WordCate
 _FILE = "questions.txt"
 _LIMIT = "limit: "
 # Sections that tell how a question begins, and words that name no thing; the others are kinds.
-_FRAME = ("lead", "indirect", "asking", "marked", "wish", "clause", "elsewhere", "empty", "edge", "end")
+_FRAME = (
+    "lead",
+    "indirect",
+    "listed",
+    "follow",
+    "mean",
+    "further",
+    "asking",
+    "marked",
+    "wish",
+    "clause",
+    "elsewhere",
+    "empty",
+    "edge",
+    "end",
+)
 # Kinds that only tell more of another one.
-_FURTHER = ("slow", "who", "together", "people", "there", "kerb", "future", "others")
+_FURTHER = (
+    "slow",
+    "who",
+    "together",
+    "people",
+    "there",
+    "kerb",
+    "future",
+    "others",
+    "out",
+    "else",
+    "beside",
+    "wrong",
+)
 # Kinds whose words describe a thing if its noun follows: "the moving van", "the light green car".
 _MOTION = ("moving", "standing")
 _ATTRIBUTES = (*_MOTION, _LIMIT)
@@ -37,8 +65,24 @@ _US = frozenset(("we", "us", "you", "u", "i", "our", "your"))
 _MARKS = ".;!?,"
 # Kinds that are told of each of several things, how a question begins that only gives a choice, and most words of a
 # choice after a comma.
-_OF_OPTIONS = ("distance", "measured", "size", "description", "facing", *_MOTION, "place", "exists", "what", "which")
+_OF_OPTIONS = (
+    *(
+        "choice",
+        "distance",
+        "measured",
+        "size",
+        "description",
+        "facing",
+        *_MOTION,
+        "place",
+        "exists",
+        "what",
+        "which",
+    ),
+)
 _CHOICE, _MAX_OFFERED = ("is", "are", "was", "were"), 10
+# What closes a correction of a question, and most words of what follows one up.
+_I_MEAN, _MAX_FURTHER = (("i", "mean"), ("i", "meant")), 9
 # Most words before a question that is told by another one: "my daughter wants to know"; its own first words, before
 # which a statement's order of words is a question: "tell me what we are doing".
 _MAX_BEFORE = 3
@@ -114,6 +158,45 @@ def read_question(text: str, lexicon: Lexicon | None = None) -> Question | None:
     return Question((main, *others) if main else (), about, not _US.isdisjoint(words[start:]), event, options)
 
 
+@dataclass(frozen=True)
+class FurtherWords:
+    """Words that follow up a question, without one of their own: "and behind us?", "I mean the red ones".
+
+    Attributes:
+        words: the words about other things.
+        corrects: whether they correct the question before.
+        proposes: whether they may be a proposal: "what about the red one?"
+    """
+
+    words: str
+    corrects: bool
+    proposes: bool
+
+
+def read_further_words(text: str, lexicon: Lexicon | None = None) -> FurtherWords | None:
+    """Read a sentence as words that may follow up a question; None for a question and for other sentences."""
+    check_type(text)
+    if len(text) > MAX_CHARACTERS:
+        return None
+    written = tuple(respelled(WORD.findall(normalise(text)), lexicon or default_lexicon()))
+    words = tuple(word.replace("'", "") for word in written)
+    start, end = _skip_lead(words, 0), len(words)
+    while end > start and words[end - 1] in _MARKS:
+        end -= 1
+    corrects = words[end - 2 : end] in _I_MEAN
+    end = end - 2 if corrects else end
+    about, meant = _end("follow", words, start), _end("mean", words, start)
+    corrects, begin = corrects or bool(meant), about or meant or start
+    while end > begin and _end("further", words, end - 1) == end:
+        end -= 1
+    kept = words[begin:end]
+    adds = "and" in words[:start] or words[-1:] == ("?",) or corrects or bool(about)
+    asks = _end("asking", words, begin) or _end("indirect", words, begin)
+    if not (adds and 0 < len(kept) <= _MAX_FURTHER) or asks or any(word in _MARKS for word in kept):
+        return None
+    return FurtherWords(" ".join(written[begin:end]), corrects, bool(about))
+
+
 def asks_car(text: str, lexicon: Lexicon | None = None) -> bool:
     """Return whether a sentence asks the car something that can be answered, or told to be not known."""
     question = read_question(text, lexicon)
@@ -143,6 +226,8 @@ def _start(words: tuple[str, ...]) -> int | None:
     start, marked = _skip_lead(words, 0), words[-1:] == ("?",)
     for at in range(start, min(start + _MAX_BEFORE + 1, len(words))):
         if (told := _end("indirect", words, at)) and (begun := _skip_lead(words, told)) < len(words):
+            if _end("listed", words, begun):
+                return at
             embedded = words[begun] in _EMBEDDED
             return begun if embedded and not _end("wish", words, begun) else _start_here(words, begun, marked)
     return _start_here(words, start, marked)

@@ -150,6 +150,12 @@ def read_reply(text: str, lexicon: Lexicon | None = None) -> Reply:
     return Reply(kinds, " ".join(rest))
 
 
+def says_no(text: str, lexicon: Lexicon | None = None) -> bool:
+    """Return whether a sentence begins with a no, after other openings: "ok no, ..."."""
+    kinds = read_reply(text, lexicon).kinds
+    return "no" in kinds and all(one in _OPENING for one in kinds[: kinds.index("no")])
+
+
 def words_after_opening(text: str, lexicon: Lexicon | None = None, *, tail: bool = False) -> tuple[str, ...]:
     """Return the words of a sentence without those that only open it: "no wait, skip the truck".
 

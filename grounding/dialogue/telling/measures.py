@@ -19,6 +19,8 @@ from grounding.scene_object import SceneObject
 _AHEAD_M, _GAP_M = 40.0, 20.0
 # A vehicle faces along our way, or against it, within this angle.
 _ALONG_RAD = np.radians(45)
+# Least acceleration that is told.
+_STEADY_MPS2 = 0.5
 # Speed of a way through a street, for a rough time.
 _STREET_MPS = 4.0
 
@@ -34,6 +36,15 @@ def describe_size(item: SceneObject, scene: SceneModel) -> str:
     height = "" if item.height_m is None else f", {item.height_m:.1f} m high"
     size = f"{item.length_m:.1f} m long, {item.width_m:.1f} m wide{height}"
     return f"{describe_one(item, scene)}: {size}"
+
+
+def describe_change(item: SceneObject) -> str:
+    """Tell whether an object gets faster or slower; '' where that is not known."""
+    if item.acceleration_mps2 is None:
+        return ""
+    if abs(item.acceleration_mps2) < _STEADY_MPS2:
+        return ", at a steady speed"
+    return ", getting faster" if item.acceleration_mps2 > 0 else ", getting slower"
 
 
 def describe_heading(heading_rad: float) -> str:

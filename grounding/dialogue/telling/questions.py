@@ -7,13 +7,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-
 from appocc.motion_state import MOVING_MPS
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
+from grounding.dialogue.telling.between import names_two, tell_apart, tell_between
+from grounding.dialogue.telling.follow_ups import follow_up
+from grounding.dialogue.telling.found import BEFORE, tell_found
 from grounding.dialogue.telling.landmarks import tell_landmarks
 from grounding.dialogue.telling.measures import (
+    describe_change,
     describe_facing,
     describe_gap,
     describe_heading,
@@ -22,60 +24,82 @@ from grounding.dialogue.telling.measures import (
     describe_way,
     way_to,
 )
+from grounding.dialogue.telling.options import tell_choice, tell_other
 from grounding.dialogue.telling.phrases import describe_goal
-from grounding.dialogue.telling.place import tell_at_place, tell_next, tell_walk
+from grounding.dialogue.telling.place import is_at_it, tell_at_place, tell_next, tell_walk
 from grounding.dialogue.telling.reports import (
     NOT_KNOWN,
     aside,
-    ask_again,
     count,
     keep,
     tell_goal,
     tell_reasons,
-    tell_seen,
     tell_vehicle,
     unknown,
 )
 from grounding.dialogue.telling.room import tell_room, tell_spot
+from grounding.dialogue.telling.stance import (
+    names_one_beside_us,
+    tell_beside,
+    tell_blocking,
+    tell_reversing,
+    tell_sides,
+)
 from grounding.dialogue.telling.things import (
-    DESCRIBING,
     POINTING,
     Things,
-    describe_any,
     describe_thing,
-    find_by_it,
     find_things,
-    name_unmapped,
     names_thing,
 )
 from grounding.dialogue.telling.traffic import tell_coming, tell_waiting
 from grounding.language import WordCategory
 from grounding.language.questions import Question, read_question
-from grounding.query import Referent
-from grounding.referent.resolver import MAX_CANDIDATES, find_all, resolve
+from grounding.language.replies import says_no
 from grounding.referent.scene import SceneModel
 from grounding.scene_object import SceneObject
 
-# Centres of vehicles next to each other are at most this far apart.
-_TOGETHER_M = 8.0
 # What holds of every place that is found.
 _KEPT = "the place is on the road, and clear of all vehicles that are seen"
 # Kinds that tell what is there; of a choice, each is told.
 _FOUND = ("exists", "place", "what", "which")
+# Kinds about room at a place.
+_OF_ROOM = ("room", "gap", "tight", "spot")
 # What is too small for us where there is room, and the other way round.
+_WRONG = {"yes": "nothing: there is room", "no": "there is no room"}
 _YES_NO, _TURNED = re.compile(r"^(?:yes|no)(?=[:,]|$)"), {"yes": "no", "no": "yes"}
-_BEFORE, _LATER = (f"{NOT_KNOWN}: what it did before",), (f"{NOT_KNOWN}: what others will do",)
+_LATER = (f"{NOT_KNOWN}: what others will do",)
 _Teller = Callable[[Conversation, str, Question], Answer | None]
 
 
 def answer_question(talk: Conversation, text: str) -> Answer | None:
     """Answer a question to the car; None for another sentence, and for what only its context tells."""
     question = read_question(text, talk.grounder.lexicon)
+    follows = None if question is not None and question.kind else follow_up(talk, text)
+    question = follows or question
     if question is None or not question.kind:
-        return None
+        return tell_other(talk, text) if question is None else None
+    talk.list_items(())
+    refused = talk.state.question is not None and not talk.state.lists and says_no(text, talk.grounder.lexicon)
+    if refused:
+        talk.state = replace(talk.state, question=None)  # "no, just tell me what is behind it"
+    told = _answer(talk, text, question)
+    if told is None and follows is not None:
+        return unknown(talk, text, "which thing is meant")
+    if told is not None:
+        same = talk.last_told if talk.listed and talk.listed == talk.told_ids() else None
+        talk.keep_told(replace(question, words=same.question.words) if same is not None else question)
+    return told
+
+
+def _answer(talk: Conversation, text: str, question: Question) -> Answer | None:
     if "people" in question.kinds and not question.limit and (told := _tell_people(talk, text, question)):
         return told
     if told := tell_landmarks(talk, text, question):
+        return told
+    if ("beside" in question.kinds or _is_of_place(talk, question)) and (told := tell_beside(talk, text, question)):
+        return told
+    if "out" in question.kinds and question.kind in _OF_ROOM and (told := tell_sides(talk, text, question)):
         return told
     if question.limit:
         return unknown(talk, text, question.limit)
@@ -85,11 +109,19 @@ def answer_question(talk: Conversation, text: str) -> Answer | None:
     return answer(talk, text, question) if answer else None
 
 
+def _is_of_place(talk: Conversation, question: Question) -> bool:
+    """Return whether "it" is the place that the question before was about: "is anything parked behind it?"."""
+    last = talk.last_told.question if talk.last_told is not None else None
+    points = any(one.category in POINTING for one in talk.read(question.words).tokens) if question.words else False
+    return last is not None and last.kind in _OF_ROOM and not last.words and points and question.kind in _FOUND
+
+
 def _tell_each(
     talk: Conversation, text: str, question: Question, tell: Callable[[SceneObject, SceneModel], str]
 ) -> Answer | None:
     """Tell a property of each thing that a question is about; None if it is about none."""
     things = find_things(talk, question)
+    talk.list_items(things.items)
     told = [tell(item, talk.scene) for item in things.items] or things.reasons
     return aside(talk, text, *told) if told else None
 
@@ -121,7 +153,9 @@ def _tell_facing(talk: Conversation, text: str, question: Question) -> Answer | 
 
 def _tell_distance(talk: Conversation, text: str, question: Question) -> Answer | None:
     """Tell how far away a vehicle is; the goal, if no other vehicle is named."""
-    at_place = {"there", "kerb"} & {*question.kinds}
+    if names_two(talk, question.words):
+        return tell_apart(talk, text, question)  # "how far is the van from the bus?"
+    at_place = {"there", "kerb"} & {*question.kinds} or is_at_it(talk, question.words)
     if at_place and (told_there := tell_at_place(talk, text, question)):
         return told_there
     way_m = way_to(talk.state.goal)
@@ -158,7 +192,7 @@ def _tell_motion(talk: Conversation, text: str, question: Question, moving: bool
     later = "future" in question.kinds
     asked = not (question.event or later or {"moving", "standing"} <= {*question.kinds})
     answer = ("yes: " if moves == moving else "no: ") if asked and (moves or item.is_standing) else ""
-    unknown_then = _BEFORE if question.event else _LATER if later else ()
+    unknown_then = BEFORE if question.event else _LATER if later else ()
     return aside(talk, text, f"{answer}{describe_one(item, talk.scene)}", *unknown_then)
 
 
@@ -170,7 +204,7 @@ def _tell_which_move(talk: Conversation, text: str, question: Question, moving: 
     thing = "" if names_thing(talk, question.words) else "vehicles"
     named = (one.text for one in tokens if one.category not in (WordCategory.AUX, WordCategory.THE))
     words = " ".join(filter(None, ("the", "moving" if moving else "parked", thing, *named)))
-    return _tell_found(talk, text, replace(question, words=words))
+    return tell_found(talk, text, replace(question, words=words))
 
 
 def _tell_same(talk: Conversation, text: str, question: Question) -> Answer | None:
@@ -206,12 +240,24 @@ def _tell_gap(talk: Conversation, text: str, question: Question) -> Answer | Non
     """Tell the gap at the goal, or at the place that is offered."""
     about = talk.state.question or talk.state.goal
     place = None if about is None else about.target or about.plan.nearest
-    if names_thing(talk, question.words):
+    of_place = place is not None and names_one_beside_us(talk, question.words)
+    if names_thing(talk, question.words) and not of_place:
         return tell_room(talk, text, question.words)  # "how big is the gap between the van and the bus?"
     if place is None:
         others = _tell_each(talk, text, question, describe_one)  # "is he too close?", of one behind us
         return others or unknown(talk, text, "a gap without a goal")
     return aside(talk, text, describe_gap(place, talk.scene))
+
+
+def _tell_pace(talk: Conversation, text: str, question: Question) -> Answer | None:
+    """Tell a vehicle's speed, and whether it changes where that is known."""
+    things = find_things(talk, question)
+    if not things.found:
+        whose = "our own speed" if question.of_us else "which vehicle is meant"
+        return aside(talk, text, *things.reasons) if things.reasons else unknown(talk, text, whose)
+    told = [f"{describe_one(one, talk.scene)}{describe_change(one)}" for one in things.items]
+    open_ = any(one.acceleration_mps2 is None for one in things.items)
+    return aside(talk, text, *told, *([f"{NOT_KNOWN}: whether it gets faster or slower"] if open_ else []))
 
 
 def _tell_safe(talk: Conversation, text: str, question: Question) -> Answer:
@@ -232,7 +278,10 @@ def _tell_spot(talk: Conversation, text: str, question: Question) -> Answer:
 
 
 def _tell_room(talk: Conversation, text: str, question: Question) -> Answer | None:
-    return tell_room(talk, text, question.words)
+    told = tell_room(talk, text, question.words)
+    if "wrong" not in question.kinds:
+        return told
+    return replace(told, reasons=tuple(_YES_NO.sub(lambda one: _WRONG[one[0]], one) for one in told.reasons))
 
 
 def _tell_tight(talk: Conversation, text: str, question: Question) -> Answer | None:
@@ -247,7 +296,7 @@ def _tell_people(talk: Conversation, text: str, question: Question) -> Answer | 
         return None
     placed = f"people {question.words}"
     words = placed if describe_thing(talk, placed) else "people"
-    told = _tell_found(talk, text, replace(question, kinds=("exists",), words=words))
+    told = tell_found(talk, text, replace(question, kinds=("exists",), words=words))
     if told is None or "cross" not in text.lower():
         return told
     return replace(told, reasons=(*told.reasons, f"{NOT_KNOWN}: whether anyone is about to cross"))
@@ -258,60 +307,9 @@ def _count(talk: Conversation, text: str, question: Question) -> Answer | None:
     return count(talk, text, "", reading) if reading is not None else None
 
 
-def _tell_found(talk: Conversation, text: str, question: Question) -> Answer | None:
-    """Tell which vehicles or people fit a description, and whether any does; the best one is "it" then."""
-    asked = talk.state.question
-    which = "which" in question.kinds
-    if which and asked is not None and asked.question and len(asked.candidates) > 1:
-        return ask_again(talk, text)
-    if which and not question.words:
-        return tell_seen(talk, text)
-    if not which and (unmapped := name_unmapped(talk, question.words)):
-        return unknown(talk, text, f"'{unmapped}'")
-    reading = describe_any(talk, question.words)
-    sought = reading.query.referent if reading is not None else None
-    if reading is None or sought is None or ("who" in question.kinds and sought.anaphora):
-        return None  # also "who's that in the red?", which asks for a person
-    plural = any(one.form == "plural" for one in reading.tokens if one.category in DESCRIBING)
-    one_only = which and not plural
-    here = [] if reading.query.secondary else _all_like(talk, sought)
-    if "together" in question.kinds:
-        here = [one for one in here if any(one is not other and _are_together(one, other) for other in here)]
-    by_it = find_by_it(talk, question.words, reading)
-    found = by_it or resolve(replace(reading.query, referent=replace(sought, definite=one_only)), talk.scene)
-    likely = [one for one in found.candidates if one.item in here or reading.query.secondary]
-    note = _BEFORE if question.event else ()
-    if found.status == "not_found" or not (here or likely):
-        near = [describe_one(one.item, talk.scene) for one in found.candidates[:1]]
-        unsure = found.reasons if found.status == "not_found" else (f"nothing here is certainly '{sought.phrase()}'",)
-        return aside(talk, text, *unsure, *near, *note)
-    if likely:
-        talk.state = replace(talk.state, focus=(likely[0], sought))
-    items = [*dict.fromkeys((*(one.item for one in likely[:1]), *here))]
-    told = [describe_one(one, talk.scene) for one in items[: 1 if one_only else MAX_CANDIDATES]]
-    more = [f"and {len(items) - len(told)} farther away"] if len(items) > len(told) and not one_only else []
-    if which and not one_only:
-        told = [f"{len(items)} fit '{sought.phrase()}'", *told]
-    elif not which and len(items) >= sought.number:
-        told[0] = f"yes: {told[0]}"
-    return aside(talk, text, *told, *more, *note)
-
-
-def _all_like(talk: Conversation, sought: Referent) -> list[SceneObject]:
-    """Return all objects that fit a description; if some are of its very class or colour, only these."""
-    here = list(find_all(replace(sought, definite=True, number=1), talk.scene))
-    here = [one for one in here if one.common_name == sought.noun] or here
-    return [one for one in here if sought.colour in (talk.scene.colour_name(one) or "").split()] or here
-
-
-def _are_together(one: SceneObject, other: SceneObject) -> bool:
-    """Return whether two objects stand next to each other, in a row or side by side."""
-    return float(np.linalg.norm(one.centre_m - other.centre_m)) < _TOGETHER_M
-
-
 def _tell_what(talk: Conversation, text: str, question: Question) -> Answer | None:
     if question.words:
-        return _tell_found(talk, text, question)
+        return tell_found(talk, text, question)
     return tell_vehicle(talk, text) if talk.meant is not None else None
 
 
@@ -343,6 +341,14 @@ _ANSWERS: Mapping[str, _Teller] = {
     "count": _count,
     "distance": _tell_distance,
     "measured": _tell_size,
+    "reverse": tell_reversing,
+    "blocking": tell_blocking,
+    "verge": tell_blocking,
+    "doors": tell_sides,
+    "choice": tell_choice,
+    "between": tell_between,
+    "apart": tell_apart,
+    "pace": _tell_pace,
     "tight": _tell_tight,
     "gap": _tell_gap,
     "spot": _tell_spot,
@@ -355,7 +361,7 @@ _ANSWERS: Mapping[str, _Teller] = {
     "safe": _tell_safe,
     "sure": _tell_sure,
     "plan": _tell_plan,
-    "exists": _tell_found,
+    "exists": tell_found,
     "moving": partial(_tell_motion, moving=True),
     "standing": partial(_tell_motion, moving=False),
     "place": _tell_description,

@@ -136,6 +136,7 @@ def count(talk: Conversation, text: str, words: str, guess: Reading | None = Non
     told = [describe_object(item, talk.scene) for item in here[:MAX_CANDIDATES]]
     more = [f"and {len(here) - len(told)} farther away"] if len(here) > len(told) else []
     _offer_all(talk, here)
+    talk.list_items(here)
     return aside(talk, text, f"{len(here)} fit '{sought.phrase()}'", *told, *more)
 
 

@@ -14,7 +14,7 @@ from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.telling.reports import aside, ask_again, inform, not_understood, unknown
 from grounding.dialogue.telling.things import POINTING, names_thing
 from grounding.language import Reading, WordCategory
-from grounding.query import Query
+from grounding.query import Query, Referent
 from grounding.referent.resolver import Candidate
 from grounding.requests import STOPS, Request, requests_of
 
@@ -48,7 +48,11 @@ def tell_spot(talk: Conversation, text: str, words: str) -> Answer:
 def _read_place(talk: Conversation, words: str, base: Query) -> Reading | None:
     """Return the reading of a place; None if the words name none: "ahead", where no vehicle was spoken of."""
     reading = complete(words, base, talk.antecedent, talk.readings)
-    return None if reading is not None and reading.query.unresolved else reading
+    if reading is None or not reading.query.unresolved:
+        return reading
+    described = complete(words, base, Referent("vehicle", "one"), talk.readings)  # "behind the black one"
+    named = described.query.referent if described is not None else None
+    return described if named is not None and named.colour else None
 
 
 def _read_manoeuvre(talk: Conversation, words: str) -> Reading | None:

@@ -118,8 +118,18 @@ def find_by_it(talk: Conversation, words: str, reading: Reading) -> Resolution |
         (one for one in every if fit[rows[one.item.id]] >= _LEAST_FIT), key=lambda one: -fit[rows[one.item.id]]
     )
     if not there:
-        return Resolution("not_found", (), (f"nothing is seen {by[0].relation.replace('_', ' ')} it",))
+        beyond = _find_beyond(talk, rows[talk.meant.item.id]) if by[0].relation == "behind" else None
+        farther = (f"beyond it, as we drive: {describe_one(beyond, talk.scene)}",) if beyond is not None else ()
+        return Resolution("not_found", (), (f"nothing is seen {by[0].relation.replace('_', ' ')} it", *farther))
     return Resolution("ok", tuple(there), ())
+
+
+def _find_beyond(talk: Conversation, row: int) -> SceneObject | None:
+    """Return the object that comes after one on our way, in its line; None without one."""
+    table = talk.scene.table
+    fit = fit_relation("past", table, np.array([row]))[:, 0]
+    best = int(np.argmax(fit))
+    return table.items[best] if fit[best] >= _LEAST_FIT else None
 
 
 def find_things(talk: Conversation, question: Question) -> Things:

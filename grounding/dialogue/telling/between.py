@@ -1,0 +1,90 @@
+"""Answers about two things: how far they are apart, and what lies between them."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from appocc.checks import FloatArray
+from grounding.answer import Answer
+from grounding.dialogue.conversation import Conversation
+from grounding.dialogue.telling.measures import describe_one
+from grounding.dialogue.telling.reports import aside, unknown
+from grounding.dialogue.telling.things import find_things, names_thing
+from grounding.language.questions import Question
+from grounding.referent.resolver import MAX_CANDIDATES
+from grounding.scene_object import SceneObject
+
+# What lies between two things is at most this far beside the line between them.
+_BESIDE_M, _IN_ROW_M = 3.5, 1.5
+_AND = re.compile(r"\b(?:and|from)\b")
+
+
+def names_two(talk: Conversation, words: str) -> bool:
+    """Return whether words name two things with a distance between them: "the red car from the van"."""
+    first, *others = _AND.split(words)
+    return len(others) == 1 and names_thing(talk, first) and names_thing(talk, others[0])
+
+
+def tell_between(talk: Conversation, text: str, question: Question) -> Answer | None:
+    """Tell what lies between two things that are named, or between us and the one that is named or in talk."""
+    ends, reasons = _find_ends(talk, question)
+    if not ends:
+        return aside(talk, text, *reasons) if reasons else unknown(talk, text, "between what")
+    start_m = ends[1].centre_m if len(ends) > 1 else np.array([talk.scene.ego.centre_m, 0.0])
+    found = [one for one in _find_along(talk, start_m, ends[0]) if one not in ends]
+    talk.list_items(found)
+    other = describe_one(ends[1], talk.scene) if len(ends) > 1 else "us"
+    seen = f"{len(found)} seen" if found else "nothing is seen"
+    told = [describe_one(one, talk.scene) for one in found[:MAX_CANDIDATES]]
+    return aside(talk, text, f"{seen} between {other} and {describe_one(ends[0], talk.scene)}", *told)
+
+
+def tell_apart(talk: Conversation, text: str, question: Question) -> Answer | None:
+    """Tell how far two things are apart, or the distance of the only one that is named."""
+    ends, reasons = _find_ends(talk, question)
+    if len(ends) < 2:
+        told = [describe_one(one, talk.scene) for one in ends]
+        return aside(talk, text, *told, *reasons) if told or reasons else unknown(talk, text, "a distance of what")
+    gap_m = _gap_m(ends[0].footprint(), ends[1].footprint())
+    told = [describe_one(one, talk.scene) for one in ends]
+    return aside(talk, text, f"{gap_m:.1f} m from {told[0]} to {told[1]}")
+
+
+def _find_ends(talk: Conversation, question: Question) -> tuple[list[SceneObject], tuple[str, ...]]:
+    """Return the things that a question names, at most two, and why one is not found."""
+    ends, reasons = list[SceneObject](), list[str]()
+    for words in filter(None, (one.strip() for one in _AND.split(question.words))) if question.words else ("",):
+        things = find_things(talk, Question(("what",), words))
+        ends += [one for one in things.items if one not in ends][:1]
+        reasons += things.reasons
+    return ends[:2], tuple(reasons)
+
+
+def _find_along(talk: Conversation, start_m: FloatArray, end: SceneObject) -> list[SceneObject]:
+    """Return the objects on the line from a point to another object, or in its row, nearest to us first."""
+    way = end.centre_m - start_m
+    across_row = np.array([-np.sin(end.yaw_rad), np.cos(end.yaw_rad)])
+    length_m = float(np.hypot(*way))
+    found = list[SceneObject]()
+    for item in talk.scene.table.items:
+        offset = item.centre_m - start_m
+        along, across = float(offset @ way) / length_m, float(way[0] * offset[1] - way[1] * offset[0]) / length_m
+        in_row = abs(float((item.centre_m - end.centre_m) @ across_row)) < _IN_ROW_M
+        if 0 < along < length_m and (abs(across) < _BESIDE_M or in_row):
+            found.append(item)
+    return sorted(found, key=lambda one: one.distance_m(talk.scene.ego))
+
+
+def _gap_m(one_m: FloatArray, other_m: FloatArray) -> float:
+    """Return the distance between the outlines (4, 2) of two boxes."""
+    return min(_to_outline_m(one_m, other_m), _to_outline_m(other_m, one_m))
+
+
+def _to_outline_m(points_m: FloatArray, outline_m: FloatArray) -> float:
+    """Return the least distance of points (N, 2) to the sides of an outline (4, 2)."""
+    side_m = np.roll(outline_m, -1, axis=0) - outline_m
+    offset_m = points_m[:, None] - outline_m
+    share = np.clip((offset_m * side_m).sum(-1) / (side_m**2).sum(-1), 0, 1)
+    return float(np.linalg.norm(offset_m - share[..., None] * side_m, axis=-1).min())

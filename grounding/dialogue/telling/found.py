@@ -1,0 +1,122 @@
+"""Answers that tell which vehicles or people fit a description, and whether any does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from grounding.answer import Answer
+from grounding.dialogue.conversation import Conversation
+from grounding.dialogue.descriptions import find_fitting
+from grounding.dialogue.telling.measures import describe_one
+from grounding.dialogue.telling.reports import NOT_KNOWN, aside, ask_again, tell_seen, unknown
+from grounding.dialogue.telling.things import DESCRIBING, describe_any, find_by_it, name_unmapped
+from grounding.language import Reading, WordCategory
+from grounding.language.questions import Question
+from grounding.query import Query, Referent
+from grounding.referent.resolver import MAX_CANDIDATES, Candidate, find_all, resolve
+from grounding.scene_object import SceneObject
+from grounding.vocabulary import PERSON_NOUNS
+
+# Centres of vehicles next to each other are at most this far apart.
+_TOGETHER_M = 8.0
+BEFORE = (f"{NOT_KNOWN}: what it did before",)
+# Words that name another place or another kind of thing than the last answer was about.
+_PLACING = (WordCategory.RELATION, WordCategory.WHERE, WordCategory.SIDE, WordCategory.PERSON)
+_COUNTING = (WordCategory.SUPERLATIVE, WordCategory.ORDINAL)
+
+
+def tell_found(talk: Conversation, text: str, question: Question) -> Answer | None:
+    """Tell which vehicles or people fit a description, and whether any does; the best one is "it" then."""
+    asked = talk.state.question
+    which = "which" in question.kinds
+    if which and asked is not None and asked.question and len(asked.candidates) > 1:
+        return ask_again(talk, text)
+    if which and not question.words:
+        return tell_seen(talk, text)
+    if not which and (unmapped := name_unmapped(talk, question.words)):
+        return unknown(talk, text, f"'{unmapped}'")
+    words = f"{question.words} us" if _is_bare_place(talk, question) else question.words
+    question = replace(question, words=words)
+    reading = describe_any(talk, question.words)
+    sought = reading.query.referent if reading is not None else None
+    if reading is None or sought is None or ("who" in question.kinds and sought.anaphora):
+        return None  # also "who's that in the red?", which asks for a person
+    if among := _find_among_told(talk, reading):
+        talk.state = replace(talk.state, focus=(among[0], sought))
+        talk.listed = talk.told_ids()  # "and the second one?" is about the same
+        return aside(talk, text, *(describe_one(one.item, talk.scene) for one in among[:MAX_CANDIDATES]))
+    return _tell_all(talk, text, question, reading, sought)
+
+
+def _is_bare_place(talk: Conversation, question: Question) -> bool:
+    """Return whether the words are a relation to us, who are left out: "what do you see behind?"."""
+    tokens = talk.read(question.words).tokens
+    bare = bool(tokens) and all(one.category is WordCategory.RELATION for one in tokens)
+    return bare and (question.of_us or talk.meant is None)
+
+
+def _tell_all(talk: Conversation, text: str, question: Question, reading: Reading, sought: Referent) -> Answer:
+    """Tell what fits a description."""
+    which = "which" in question.kinds
+    plural = any(one.form == "plural" for one in reading.tokens if one.category in DESCRIBING)
+    one_only = which and not plural and "else" not in question.kinds
+    here = [] if reading.query.secondary else _all_like(talk, sought)
+    if "together" in question.kinds:
+        here = [one for one in here if any(one is not other and _are_together(one, other) for other in here)]
+    by_it = find_by_it(talk, question.words, reading)
+    found = by_it or resolve(replace(reading.query, referent=replace(sought, definite=one_only)), talk.scene)
+    likely = [one for one in found.candidates if one.item in here or reading.query.secondary]
+    note = BEFORE if question.event else ()
+    if "else" in question.kinds:
+        told = {*talk.told_ids(), *([talk.meant.item.id] if talk.meant else [])}
+        here, likely = [one for one in here if one.id not in told], [one for one in likely if one.item.id not in told]
+        if told and not (here or likely) and found.status != "not_found":
+            return aside(talk, text, f"no other '{sought.phrase()}' is seen")
+    if found.status == "not_found" or not (here or likely):
+        odd = found.status == "not_found" and (reading.query.secondary or sought.noun in PERSON_NOUNS)
+        best = () if odd else found.candidates[:1]
+        near = [describe_one(one.item, talk.scene) for one in best]
+        if best and found.status != "not_found":
+            talk.state = replace(talk.state, focus=(best[0], sought))
+        unsure = found.reasons if found.status == "not_found" else (f"nothing here is certainly '{sought.phrase()}'",)
+        return aside(talk, text, *unsure, *near, *note)
+    if likely:
+        talk.state = replace(talk.state, focus=(likely[0], sought))
+    items = [*dict.fromkeys((*(one.item for one in likely[:1]), *here))]
+    talk.list_items(items[:1] if one_only else items)
+    told_of = [describe_one(one, talk.scene) for one in items[: 1 if one_only else MAX_CANDIDATES]]
+    more = [f"and {len(items) - len(told_of)} farther away"] if len(items) > len(told_of) and not one_only else []
+    if which and not one_only:
+        told_of = [f"{len(items)} fit '{sought.phrase()}'", *told_of]
+    elif not which and len(items) >= sought.number:
+        told_of[0] = f"yes: {told_of[0]}"
+    return aside(talk, text, *told_of, *more, *note)
+
+
+def _find_among_told(talk: Conversation, reading: Reading) -> list[Candidate]:
+    """Return those of the things told last that a description counts among them: "which one is the nearest?"."""
+    last, referent = talk.last_told, reading.query.referent
+    if last is None or referent is None or len(last.ids) < 2 or reading.query.secondary:
+        return []
+    counts = any(one.category in _COUNTING for one in reading.tokens)
+    if not counts or any(one.category in _PLACING and one.text not in last.question.words for one in reading.tokens):
+        return []
+    most = len(talk.scene.table.items)
+    queries = (Query("", referent=Referent(noun, noun, definite=False)) for noun in ("vehicle", "person"))
+    found = [one for query in queries for one in resolve(query, talk.scene, most).candidates]
+    sought = replace(reading.query, referent=replace(referent, anaphora=True))
+    return find_fitting(reading.with_query(sought), [one for one in found if one.item.id in last.ids], talk.scene)
+
+
+def _all_like(talk: Conversation, sought: Referent) -> list[SceneObject]:
+    """Return all objects that fit a description; if some are of its very class or colour, only these."""
+    here = list(find_all(replace(sought, definite=True, number=1), talk.scene))
+    here = [one for one in here if one.common_name == sought.noun] or here
+    return [one for one in here if sought.colour in (talk.scene.colour_name(one) or "").split()] or here
+
+
+def _are_together(one: SceneObject, other: SceneObject) -> bool:
+    """Return whether two objects stand next to each other, in a row or side by side."""
+    return float(np.linalg.norm(one.centre_m - other.centre_m)) < _TOGETHER_M
