@@ -76,6 +76,8 @@ class Conversation:
         self.told: Told | None = None
         self.listed: tuple[str, ...] = ()
         self.turn = 0
+        # The question that offers another vehicle beside the goal in force.
+        self.offer: Answer | None = None
 
     # What words refer to --------------------------------------------------------------------------------------------
 
@@ -167,7 +169,8 @@ class Conversation:
 
     def keep_told(self, question: Question) -> None:
         """Keep a question that was answered, for the questions that follow it up."""
-        self.told, self.listed = Told(question, self.listed, self.turn), ()
+        best = self.told_ids()[:1]
+        self.told, self.listed = Told(question, self.listed, self.turn, best), ()
 
     def readings(
         self, words: str, antecedent: Referent | None = None, verb: str = "", *, alone: bool = True

@@ -24,11 +24,13 @@ class Told:
         question: the question, with what an earlier one added.
         ids: ids of what the answer told, best first.
         turn: number of its turn.
+        before: id of the best thing that the answer before told; empty without one.
     """
 
     question: Question
     ids: tuple[str, ...]
     turn: int
+    before: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

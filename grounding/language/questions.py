@@ -26,6 +26,7 @@ _FRAME = (
     "follow",
     "mean",
     "further",
+    "every",
     "asking",
     "marked",
     "wish",
@@ -49,6 +50,8 @@ _FURTHER = (
     "else",
     "beside",
     "wrong",
+    "sideways",
+    "both",
 )
 # Kinds whose words describe a thing if its noun follows: "the moving van", "the light green car".
 _MOTION = ("moving", "standing")
@@ -61,6 +64,8 @@ _SUBJECTS = (WordCategory.EGO, WordCategory.AUX, WordCategory.PRONOUN, WordCateg
 _WHICH = (("which", "is"), ("which", "was"))
 # "We're" is no "were".
 _ARE = re.compile(r"(?<=\w)'re\b|(?<=\byou)re\b|(?<=\bthey)re\b")
+# "How far's the van?"
+_HOW_IS = re.compile(r"\b(how \w+)'s\b")
 _US = frozenset(("we", "us", "you", "u", "i", "our", "your"))
 _MARKS = ".;!?,"
 # Kinds that are told of each of several things, how a question begins that only gives a choice, and most words of a
@@ -82,6 +87,7 @@ _OF_OPTIONS = (
 )
 _CHOICE, _MAX_OFFERED = ("is", "are", "was", "were"), 10
 # What closes a correction of a question, and most words of what follows one up.
+_ONLY = frozenset(("just", "only"))
 _I_MEAN, _MAX_FURTHER = (("i", "mean"), ("i", "meant")), 9
 # Most words before a question that is told by another one: "my daughter wants to know"; its own first words, before
 # which a statement's order of words is a question: "tell me what we are doing".
@@ -130,7 +136,8 @@ def read_question(text: str, lexicon: Lexicon | None = None) -> Question | None:
     if len(text) > MAX_CHARACTERS or as_condition(normalise(text)):
         return None
     lexicon = lexicon or default_lexicon()
-    written = tuple(respelled(WORD.findall(_ARE.sub(" are", normalise(text))), lexicon))
+    full = _HOW_IS.sub(r"\1 is", _ARE.sub(" are", normalise(text)))
+    written = tuple(respelled(WORD.findall(full), lexicon))
     words = tuple(word.replace("'", "") for word in written)
     start, comma = _start(words), _comma_before_options(words)
     words, written, offered = words[:comma], written[:comma], written[comma + 1 :]
@@ -166,11 +173,15 @@ class FurtherWords:
         words: the words about other things.
         corrects: whether they correct the question before.
         proposes: whether they may be a proposal: "what about the red one?"
+        instead: whether they surely are one: "what about the red one instead?"
+        bare: whether no other word tells that they follow up a question: "on the right".
     """
 
     words: str
     corrects: bool
     proposes: bool
+    instead: bool = False
+    bare: bool = False
 
 
 def read_further_words(text: str, lexicon: Lexicon | None = None) -> FurtherWords | None:
@@ -185,16 +196,18 @@ def read_further_words(text: str, lexicon: Lexicon | None = None) -> FurtherWord
         end -= 1
     corrects = words[end - 2 : end] in _I_MEAN
     end = end - 2 if corrects else end
+    corrects = corrects or not _ONLY.isdisjoint(words[:start])
     about, meant = _end("follow", words, start), _end("mean", words, start)
     corrects, begin = corrects or bool(meant), about or meant or start
     while end > begin and _end("further", words, end - 1) == end:
         end -= 1
+    begin = _end("every", words, begin) or begin
     kept = words[begin:end]
     adds = "and" in words[:start] or words[-1:] == ("?",) or corrects or bool(about)
     asks = _end("asking", words, begin) or _end("indirect", words, begin)
-    if not (adds and 0 < len(kept) <= _MAX_FURTHER) or asks or any(word in _MARKS for word in kept):
+    if not 0 < len(kept) <= _MAX_FURTHER or asks or any(word in _MARKS for word in kept):
         return None
-    return FurtherWords(" ".join(written[begin:end]), corrects, bool(about))
+    return FurtherWords(" ".join(written[begin:end]), corrects, bool(about), "instead" in words[end:], not adds)
 
 
 def asks_car(text: str, lexicon: Lexicon | None = None) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,9 +12,9 @@ from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.telling.measures import describe_one
 from grounding.dialogue.telling.reports import aside, unknown
-from grounding.dialogue.telling.things import find_things, names_thing
+from grounding.dialogue.telling.things import describe_thing, find_things, names_thing
 from grounding.language.questions import Question
-from grounding.referent.resolver import MAX_CANDIDATES
+from grounding.referent.resolver import MAX_CANDIDATES, find_all
 from grounding.scene_object import SceneObject
 
 # What lies between two things is at most this far beside the line between them.
@@ -34,7 +35,7 @@ def tell_between(talk: Conversation, text: str, question: Question) -> Answer | 
         return aside(talk, text, *reasons) if reasons else unknown(talk, text, "between what")
     start_m = ends[1].centre_m if len(ends) > 1 else np.array([talk.scene.ego.centre_m, 0.0])
     found = [one for one in _find_along(talk, start_m, ends[0]) if one not in ends]
-    talk.list_items(found)
+    talk.list_items(found or ends)
     other = describe_one(ends[1], talk.scene) if len(ends) > 1 else "us"
     seen = f"{len(found)} seen" if found else "nothing is seen"
     told = [describe_one(one, talk.scene) for one in found[:MAX_CANDIDATES]]
@@ -48,6 +49,7 @@ def tell_apart(talk: Conversation, text: str, question: Question) -> Answer | No
         told = [describe_one(one, talk.scene) for one in ends]
         return aside(talk, text, *told, *reasons) if told or reasons else unknown(talk, text, "a distance of what")
     gap_m = _gap_m(ends[0].footprint(), ends[1].footprint())
+    talk.list_items(ends)
     told = [describe_one(one, talk.scene) for one in ends]
     return aside(talk, text, f"{gap_m:.1f} m from {told[0]} to {told[1]}")
 
@@ -55,11 +57,32 @@ def tell_apart(talk: Conversation, text: str, question: Question) -> Answer | No
 def _find_ends(talk: Conversation, question: Question) -> tuple[list[SceneObject], tuple[str, ...]]:
     """Return the things that a question names, at most two, and why one is not found."""
     ends, reasons = list[SceneObject](), list[str]()
+    if len(both := _find_told(talk)) > 1 and not names_thing(talk, question.words) and "both" in question.kinds:
+        return both, ()
     for words in filter(None, (one.strip() for one in _AND.split(question.words))) if question.words else ("",):
         things = find_things(talk, Question(("what",), words))
-        ends += [one for one in things.items if one not in ends][:1]
+        both = _find_both(talk, words)
+        ends += both or [one for one in things.items if one not in ends][:1]
         reasons += things.reasons
     return ends[:2], tuple(reasons)
+
+
+def _find_told(talk: Conversation) -> list[SceneObject]:
+    """Return the two things that were told last, in one answer or in two: "them", "those two"."""
+    last = talk.last_told
+    ids = () if last is None else last.ids if len(last.ids) == 2 else (*last.ids[:1], *last.before)
+    return [one for key in dict.fromkeys(ids) for one in talk.scene.table.items if one.id == key]
+
+
+def _find_both(talk: Conversation, words: str) -> list[SceneObject]:
+    """Return the nearest two of several that are named together: "the two red cars"; none for other words."""
+    described = describe_thing(talk, words)
+    named = described.query.referent if described is not None else None
+    plural = described is not None and any(one.form == "plural" for one in described.tokens)
+    if named is None or not plural:
+        return []
+    alike = list(find_all(replace(named, definite=True, number=1), talk.scene))
+    return sorted(alike, key=lambda one: one.distance_m(talk.scene.ego))[:2]
 
 
 def _find_along(talk: Conversation, start_m: FloatArray, end: SceneObject) -> list[SceneObject]:

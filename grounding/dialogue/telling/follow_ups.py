@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -21,7 +22,9 @@ _ASKED_AGAIN = (
 )
 # Kinds that are about the words of their own sentence alone.
 _OF_ITS_WORDS = ("people", "kerb", "beside", "else", "together", "there", "slow")
-_PLACING = (WordCategory.RELATION, WordCategory.WHERE, WordCategory.SIDE)
+# "The one after that" is beyond it, and not later.
+_AFTER = re.compile(r"\bafter\b")
+_PLACING = (WordCategory.RELATION, WordCategory.WHERE, WordCategory.SIDE, WordCategory.SUB)  # also "before it"
 _COUNTED = (WordCategory.SUPERLATIVE, WordCategory.ORDINAL)
 _NAMED = (*NAMING, WordCategory.ONE, *_COUNTED)
 _SKIPPED = (WordCategory.THE, WordCategory.ANY, WordCategory.AUX, WordCategory.EXISTS, WordCategory.BE)
@@ -31,8 +34,12 @@ def follow_up(talk: Conversation, text: str) -> Question | None:
     """Return the question before with other words in it; None for a sentence that follows up no question."""
     last = talk.last_told
     further = read_further_words(text, talk.grounder.lexicon) if last is not None and not talk.state.lists else None
-    if last is None or further is None:
+    if last is None or further is None or (further.instead and talk.state.goal is not None):
         return None
+    if further.bare and (talk.state.request is not None or talk.state.question is not None):
+        return None  # it changes what was asked for
+    words = _AFTER.sub("beyond", further.words)
+    further = replace(further, words=f"{words} it" if words.endswith(" beyond") else words)
     read = talk.read(further.words)
     if has_verb(read) or any(one.category is WordCategory.UNKNOWN for one in read.tokens):
         return None
@@ -43,21 +50,31 @@ def follow_up(talk: Conversation, text: str) -> Question | None:
         return None  # it changes the goal
     if last.question.kind not in _ASKED_AGAIN:
         return Question(("what",), further.words) if named else None
-    words = _fill(talk, further, last.question.words, read.tokens)
-    kinds = tuple(one for one in last.question.kinds if one not in _OF_ITS_WORDS or one == last.question.kind)
+    words = _fill(talk, further, last.question, read.tokens)
+    if last.question.kind in _LISTING and any(one in _COUNTED for one in categories):
+        return Question(("which",), words)
+    kept = ("people",) if not any(one in NAMING for one in categories) else ()  # "I mean on the left"
+    kinds = tuple(
+        one for one in last.question.kinds if one not in _OF_ITS_WORDS or one in kept or one == last.question.kind
+    )
     return replace(last.question, kinds=kinds, words=words, options=(), event=False)
 
 
-def _fill(talk: Conversation, further: FurtherWords, before: str, tokens: Sequence[Token]) -> str:
+def _fill(talk: Conversation, further: FurtherWords, before: Question, tokens: Sequence[Token]) -> str:
     """Return words with what they lack: the noun, the place, and the thing that the place is at."""
-    old = talk.read(before).tokens if before else ()
+    old = talk.read(before.words).tokens if before.words else ()
     at = next((i for i, one in enumerate(old) if one.category in _PLACING), len(old))
     head = [one for one in old[:at] if one.category not in _SKIPPED]
-    head_words = "" if any(one.category is WordCategory.ONE for one in head) else " ".join(one.text for one in head)
+    # "And behind it?" is no other blue car; people are told of by their own question.
+    at_it = any(one.category in (WordCategory.PRONOUN, WordCategory.THAT) for one in tokens)
+    no_head = at_it or "people" in before.kinds or any(one.category is WordCategory.ONE for one in head)
+    head_words = "" if no_head else " ".join(one.text for one in head)
     noun = next((one.text for one in head if one.category in (WordCategory.NOUN, WordCategory.PERSON)), "vehicles")
     words = _with_landmark(further.words.replace("to the ", "on the "), tokens, old[at:])
     counted = any(one.category in _COUNTED for one in tokens)
-    if further.corrects and old[at:] and not (counted or any(one.category in _PLACING for one in tokens)):
+    # "And the white ones?" are among those that were told.
+    among = any(one.category is WordCategory.THE for one in tokens[:1]) and "ones" in words.split()
+    if (further.corrects or among) and old[at:] and not (counted or any(one.category in _PLACING for one in tokens)):
         words = f"{words} {' '.join(one.text for one in old[at:])}"
     if any(one.category in NAMING and one.category is not WordCategory.COLOUR for one in tokens):
         return words
@@ -73,7 +90,7 @@ def _fill(talk: Conversation, further: FurtherWords, before: str, tokens: Sequen
 def _with_landmark(words: str, tokens: Sequence[Token], place: Sequence[Token]) -> str:
     """Return a place at the thing that the place before was at: "in front of it" after "behind the van"."""
     (first, *others) = tokens
-    points = all(one.category in (WordCategory.PRONOUN, WordCategory.THAT) for one in others)
+    points = all(one.category in (WordCategory.PRONOUN, WordCategory.THAT, WordCategory.ONE) for one in others)
     if first.category not in (WordCategory.RELATION, WordCategory.WHERE) or not points:
         return words
     if place and place[0].category is WordCategory.RELATION and len(place) > 1:

@@ -14,6 +14,7 @@ from grounding.dialogue.telling.reports import NOT_KNOWN, aside, ask_again, tell
 from grounding.dialogue.telling.things import DESCRIBING, describe_any, find_by_it, name_unmapped
 from grounding.language import Reading, WordCategory
 from grounding.language.questions import Question
+from grounding.language.syntax.word_categories import NOUNS
 from grounding.query import Query, Referent
 from grounding.referent.resolver import MAX_CANDIDATES, Candidate, find_all, resolve
 from grounding.scene_object import SceneObject
@@ -37,30 +38,44 @@ def tell_found(talk: Conversation, text: str, question: Question) -> Answer | No
         return tell_seen(talk, text)
     if not which and (unmapped := name_unmapped(talk, question.words)):
         return unknown(talk, text, f"'{unmapped}'")
-    words = f"{question.words} us" if _is_bare_place(talk, question) else question.words
-    question = replace(question, words=words)
+    question = replace(question, words=_complete(talk, question))
     reading = describe_any(talk, question.words)
     sought = reading.query.referent if reading is not None else None
-    if reading is None or sought is None or ("who" in question.kinds and sought.anaphora):
-        return None  # also "who's that in the red?", which asks for a person
+    if reading is None or sought is None:
+        return None
     if among := _find_among_told(talk, reading):
         talk.state = replace(talk.state, focus=(among[0], sought))
         talk.listed = talk.told_ids()  # "and the second one?" is about the same
         return aside(talk, text, *(describe_one(one.item, talk.scene) for one in among[:MAX_CANDIDATES]))
-    return _tell_all(talk, text, question, reading, sought)
+    if "who" in question.kinds and sought.anaphora:
+        return None  # "who's that in the red?" asks for a person
+    return _tell_all(talk, text, question, reading, _as_seen(talk, sought))
 
 
-def _is_bare_place(talk: Conversation, question: Question) -> bool:
-    """Return whether the words are a relation to us, who are left out: "what do you see behind?"."""
-    tokens = talk.read(question.words).tokens
-    bare = bool(tokens) and all(one.category is WordCategory.RELATION for one in tokens)
-    return bare and (question.of_us or talk.meant is None)
+def _as_seen(talk: Conversation, sought: Referent) -> Referent:
+    """Return a description of bicycles for one of bikes where only these are seen."""
+    if not sought.head.startswith("bike") or find_all(sought, talk.scene):
+        return sought
+    bicycles = replace(sought, noun="bicycle")
+    return bicycles if find_all(bicycles, talk.scene) else sought
+
+
+def _complete(talk: Conversation, question: Question) -> str:
+    """Return the words of a question with what they leave out: us, or vehicles of any kind."""
+    categories = {one.category for one in talk.read(question.words).tokens}
+    if categories == {WordCategory.RELATION} and (question.of_us or talk.meant is None):
+        return f"{question.words} us"  # "what do you see behind?"
+    if "else" in question.kinds and WordCategory.COLOUR in categories and categories.isdisjoint(NOUNS):
+        return f"{question.words} vehicles"  # "what else is red?"
+    return question.words
 
 
 def _tell_all(talk: Conversation, text: str, question: Question, reading: Reading, sought: Referent) -> Answer:
     """Tell what fits a description."""
     which = "which" in question.kinds
-    plural = any(one.form == "plural" for one in reading.tokens if one.category in DESCRIBING)
+    # "White cars ahead" is also read as what is the car's own.
+    plural = any(one.form in ("plural", "own") for one in reading.tokens if one.category in DESCRIBING)
+    plural = plural or sought.head == "people"
     one_only = which and not plural and "else" not in question.kinds
     here = [] if reading.query.secondary else _all_like(talk, sought)
     if "together" in question.kinds:
@@ -73,9 +88,10 @@ def _tell_all(talk: Conversation, text: str, question: Question, reading: Readin
         told = {*talk.told_ids(), *([talk.meant.item.id] if talk.meant else [])}
         here, likely = [one for one in here if one.id not in told], [one for one in likely if one.item.id not in told]
         if told and not (here or likely) and found.status != "not_found":
-            return aside(talk, text, f"no other '{sought.phrase()}' is seen")
+            return aside(talk, text, f"nothing else here fits '{sought.phrase()}'")
     if found.status == "not_found" or not (here or likely):
-        odd = found.status == "not_found" and (reading.query.secondary or sought.noun in PERSON_NOUNS)
+        plain = sought.noun in PERSON_NOUNS or (sought.noun == "vehicle" and not sought.colour)
+        odd = found.status == "not_found" and (reading.query.secondary or plain)
         best = () if odd else found.candidates[:1]
         near = [describe_one(one.item, talk.scene) for one in best]
         if best and found.status != "not_found":
@@ -106,7 +122,7 @@ def _find_among_told(talk: Conversation, reading: Reading) -> list[Candidate]:
     most = len(talk.scene.table.items)
     queries = (Query("", referent=Referent(noun, noun, definite=False)) for noun in ("vehicle", "person"))
     found = [one for query in queries for one in resolve(query, talk.scene, most).candidates]
-    sought = replace(reading.query, referent=replace(referent, anaphora=True))
+    sought = replace(reading.query, referent=replace(referent, anaphora=True, in_line=False))
     return find_fitting(reading.with_query(sought), [one for one in found if one.item.id in last.ids], talk.scene)
 
 

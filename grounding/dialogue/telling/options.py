@@ -75,5 +75,6 @@ def _offer_other(talk: Conversation, text: str, words: str, other: Candidate) ->
         return aside(talk, text, told, f"there is no place for us at it: {_STAYS}")
     question = f"shall we {describe_step(query, other, talk.scene)} instead?"
     offered = replace(ask((other,), request.reading, talk.scene), question=question)
+    talk.offer = offered
     talk.state = replace(talk.state, question=offered, asked=steps, at=len(steps) - 1, offered=(other,))
     return aside(talk, text, told, _STAYS)

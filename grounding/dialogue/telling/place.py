@@ -32,7 +32,8 @@ def tell_walk(talk: Conversation, text: str, question: Question) -> Answer:
 def is_at_it(talk: Conversation, words: str) -> bool:
     """Return whether words are a relation to the vehicle of the plan, named or left out: "after", "behind it"."""
     first, *others = talk.read(words).tokens if words else (None,)
-    related = first is not None and first.category in (WordCategory.RELATION, WordCategory.WHERE)
+    relations = (WordCategory.RELATION, WordCategory.WHERE, WordCategory.SUB)  # "after" may begin a clause
+    related = first is not None and first.category in relations
     return related and all(one.category in (WordCategory.PRONOUN, WordCategory.THAT) for one in others)
 
 

@@ -161,6 +161,7 @@ def _tell_distance(talk: Conversation, text: str, question: Question) -> Answer 
     way_m = way_to(talk.state.goal)
     of_goal = way_m is not None and not (question.words or question.options)
     things = Things() if of_goal else find_things(talk, replace(question, of_us=question.of_us and way_m is not None))
+    talk.list_items(things.items)
     told = [describe_one(item, talk.scene) for item in things.items] or [*things.reasons]
     chosen = {step.chosen.item.id for step in talk.state.plan if step.chosen is not None}
     if way_m is not None and (not things.found or things.found[0].item.id in chosen):
@@ -241,6 +242,8 @@ def _tell_gap(talk: Conversation, text: str, question: Question) -> Answer | Non
     about = talk.state.question or talk.state.goal
     place = None if about is None else about.target or about.plan.nearest
     of_place = place is not None and names_one_beside_us(talk, question.words)
+    if place is not None and "sideways" in question.kinds:
+        return tell_sides(talk, text, question)
     if names_thing(talk, question.words) and not of_place:
         return tell_room(talk, text, question.words)  # "how big is the gap between the van and the bus?"
     if place is None:
@@ -344,6 +347,7 @@ _ANSWERS: Mapping[str, _Teller] = {
     "reverse": tell_reversing,
     "blocking": tell_blocking,
     "verge": tell_blocking,
+    "passing": tell_blocking,
     "doors": tell_sides,
     "choice": tell_choice,
     "between": tell_between,

@@ -90,6 +90,9 @@ def pause(talk: Conversation, text: str) -> Answer:
 
 def cancel(talk: Conversation, text: str) -> Answer:
     """Drop the goal and the question; the plan can be gone back to."""
+    if talk.offer is not None and talk.state.question is talk.offer:  # the goal was never asked about
+        talk.state = replace(talk.state, question=None)
+        return inform(talk, text, "the goal stays as it is")
     had = talk.state.plan or talk.state.question
     talk.state = replace(talk.state.with_earlier(), plan=(), goal=None, question=None)
     return inform(

@@ -10,6 +10,7 @@ from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.telling.measures import describe_one, gap_ends_m
 from grounding.dialogue.telling.place import describe_kerb, kerb_gap, place_of
 from grounding.dialogue.telling.reports import aside, unknown
+from grounding.dialogue.telling.things import NAMING
 from grounding.goal.planner import AT_EDGE_M, Target
 from grounding.language import WordCategory
 from grounding.language.questions import Question
@@ -21,6 +22,8 @@ from grounding.scene_object import SceneObject
 _LITTLE_M, _NEAR_M, _OPEN_M = 0.5, 8.0, 20.0
 # A door needs this much room, and what is farther away beside us is not told.
 _DOOR_M, _BESIDE_M = 0.8, 4.0
+# A gap shorter than this many lengths of us is entered backwards.
+_SHORT_GAP = 2.0
 _NO_GOAL = "where we will stand, without a goal"
 _SIDES = {"left": 1.0, "right": -1.0}
 _PLACING = (WordCategory.RELATION, WordCategory.WHERE, WordCategory.SIDE)
@@ -37,8 +40,9 @@ def tell_reversing(talk: Conversation, text: str, question: Question) -> Answer 
         return unknown(talk, text, "a way without a goal")
     ways = [one.plan.way for one in (about.steps or (about,)) if one.plan.way is not None]
     back_m = sum(way.backwards_m for way in ways)
-    if not ways:
-        return None
+    if not ways:  # a place that is only offered
+        behind = float(place.ego_m[0]) < talk.scene.ego.centre_m
+        return aside(talk, text, f"yes: {_why_backwards(place, talk.scene)}") if behind else None
     if back_m < _LITTLE_M:
         return aside(talk, text, "no: the way there goes forwards only")
     yes = "" if "why" in question.kinds else "yes: "
@@ -51,13 +55,13 @@ def _why_backwards(place: Target, scene: SceneModel) -> str:
     if ahead_m < 0:
         return f"the place is {-ahead_m:.0f} m behind where we are"
     before_m, behind_m = gap_ends_m(place, scene)
-    if max(before_m, behind_m) < _OPEN_M:
-        length_m = before_m + behind_m + place.ego.length_m
+    length_m = before_m + behind_m + place.ego.length_m
+    if length_m < _SHORT_GAP * place.ego.length_m:
         return f"the gap is {length_m:.1f} m long, we are {place.ego.length_m:.1f} m: too short to turn in forwards"
     if ahead_m < _NEAR_M:
         aside_m = f"{abs(left_m):.0f} m to the {'left' if left_m > 0 else 'right'}"
         return f"the place is {ahead_m:.0f} m ahead and {aside_m}: too near to turn in forwards"
-    return "it is the shortest way into the place that was found"
+    return "no better way into the place was found"
 
 
 def tell_blocking(talk: Conversation, text: str, question: Question) -> Answer | None:
@@ -69,9 +73,9 @@ def tell_blocking(talk: Conversation, text: str, question: Question) -> Answer |
     if edge is None or road is None:
         return aside(talk, text, describe_kerb(place, talk.scene))
     at_edge = edge[0] <= AT_EDGE_M or bool(road.car_parks[place.cell])
-    yes = "yes" if at_edge == (question.kind == "verge") else "no"
+    yes = "" if question.kind == "passing" else "yes: " if at_edge == (question.kind == "verge") else "no: "
     where = "at the edge of the road" if at_edge else "in the road: others have to drive around us"
-    return aside(talk, text, f"{yes}: the place is {where}", describe_kerb(place, talk.scene))
+    return aside(talk, text, f"{yes}the place is {where}", describe_kerb(place, talk.scene))
 
 
 def tell_sides(talk: Conversation, text: str, question: Question) -> Answer | None:
@@ -99,10 +103,11 @@ def tell_beside(talk: Conversation, text: str, question: Question) -> Answer | N
     """Tell which vehicle stands behind, before or next to us at the goal; None without a goal or such words."""
     place = place_of(talk)
     tokens = talk.read(question.words).tokens if question.words else ()
-    named = [one.value for one in tokens if one.category in (WordCategory.RELATION, WordCategory.WHERE)]
-    if place is None or not named:
-        return None
-    relation = named[-1].replace("behind_ego", "behind")
+    related = [i for i, one in enumerate(tokens) if one.category in (WordCategory.RELATION, WordCategory.WHERE)]
+    after = tokens[related[-1] + 1 :] if related else ()
+    if place is None or not related or any(one.category in NAMING for one in after):
+        return None  # "are we parking behind the van?" names another thing
+    relation = tokens[related[-1]].value.replace("behind_ego", "behind")
     most_m = _OPEN_M if relation in _ALONG else _BESIDE_M
     if relation in _ALONG:
         found = [_find_in_line(place, talk.scene, _ALONG[relation])]

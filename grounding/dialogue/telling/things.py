@@ -18,6 +18,8 @@ from grounding.scene_object import SceneObject
 
 # Least membership in a place at another vehicle.
 _LEAST_FIT = 0.2
+# The same of the next one along our way, however far it is.
+_LEAST_IN_LINE = 0.05
 # Most vehicles that are told of where the words fit several.
 _MOST_TOLD = 3
 # Words for vehicles and people, and all words that describe a thing, besides its place.
@@ -82,8 +84,11 @@ def describe_place(talk: Conversation, words: str) -> Reading | None:
     """Return the description of vehicles at a place: "in front of us"; None for other words."""
     reading = describe_thing(talk, f"vehicles {words}")
     named = reading.query.referent if reading is not None else None
-    placed = reading is not None and (reading.query.secondary or (named is not None and named.qualifiers))
-    return reading if placed else None
+    if reading is None or named is None or not (reading.query.secondary or named.qualifiers):
+        return None
+    if named.colour in [one.colour for one in reading.query.secondary]:  # that of "the red car" alone
+        reading = reading.with_query(replace(reading.query, referent=replace(named, colour=None)))
+    return reading
 
 
 def _describe_one_at(talk: Conversation, words: str) -> Reading | None:
@@ -114,9 +119,8 @@ def find_by_it(talk: Conversation, words: str, reading: Reading) -> Resolution |
         return None
     fit = fit_relation(by[0].relation, table, np.array([rows[talk.meant.item.id]]))[:, 0]
     every = resolve(Query("", referent=replace(named, definite=False)), talk.scene, len(rows)).candidates
-    there = sorted(
-        (one for one in every if fit[rows[one.item.id]] >= _LEAST_FIT), key=lambda one: -fit[rows[one.item.id]]
-    )
+    least = _LEAST_IN_LINE if by[0].relation in ("past", "before") else _LEAST_FIT
+    there = sorted((one for one in every if fit[rows[one.item.id]] >= least), key=lambda one: -fit[rows[one.item.id]])
     if not there:
         beyond = _find_beyond(talk, rows[talk.meant.item.id]) if by[0].relation == "behind" else None
         farther = (f"beyond it, as we drive: {describe_one(beyond, talk.scene)}",) if beyond is not None else ()
@@ -129,7 +133,7 @@ def _find_beyond(talk: Conversation, row: int) -> SceneObject | None:
     table = talk.scene.table
     fit = fit_relation("past", table, np.array([row]))[:, 0]
     best = int(np.argmax(fit))
-    return table.items[best] if fit[best] >= _LEAST_FIT else None
+    return table.items[best] if fit[best] >= _LEAST_IN_LINE else None
 
 
 def find_things(talk: Conversation, question: Question) -> Things:

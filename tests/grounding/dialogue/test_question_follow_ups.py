@@ -37,6 +37,9 @@ def say(*turns: str) -> str:
         (("what's ahead of us on the right?", "which one is the furthest away?"), "red car"),
         (("how many cars are on the right?", "which one is the nearest?", "and the second nearest?"), "white car"),
         (("is there a red car?", "how far is it?", "and the green one?"), "green car"),
+        (("how many cars are there?", "the second nearest one?"), "car"),
+        (("what's the blue car?", "and after that one?"), "white car"),
+        (("how far's the red car?", "and what stands between?"), "2 seen"),
         (("park by the red car", "what else do you see ahead?"), "blue car"),
     ],
 )
@@ -125,7 +128,7 @@ def test_what_is_in_between_is_up_to_what_was_asked_about() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["what speed are we doing now?", "what's our current speed?", "how fast am i going?"]
+    "text", ["what speed are we doing now?", "what's our current speed?", "how fast am i going?", "and our speed?"]
 )
 def test_our_own_speed_is_not_known(text: str) -> None:
     assert "not known here: our own speed" in say("slow down a bit", text)

@@ -35,6 +35,10 @@ def drive(command: str = "park behind the white car") -> Session:
         ("park behind the white car", "how much room is there to the car in front then?", "the gap is"),
         ("stop next to the blue car", "is there enough room for the door to open?", "on our right: "),
         ("stop next to the blue car", "can i open the door there?", "to the blue car"),
+        ("stop next to the blue car", "can everyone get out there?", "to the blue car"),
+        ("stop next to the blue car", "could the others still get past us?", "others have to drive around us"),
+        ("stop next to the blue car", "how much space is at the side?", "on our left: "),
+        ("stop next to the blue car", "how close do we get to it?", "m from the blue car"),
         ("stop next to the blue car", "is it better behind or in front?", "in front: "),
     ],
 )
