@@ -9,7 +9,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from appocc.errors import AppoccError
-from appocc.motion_state import MOVING_MPS
 from grounding.answer import Answer
 from grounding.answering import accept_proposal, answer_steps
 from grounding.dialogue.memory import Memory, Told
@@ -47,19 +46,6 @@ def _gives_up(step: Request, following: Request) -> bool:
     # "Just tuck in and follow it": to tuck in is no place of its own.
     parks = query.action in ("park", "stop", "pull_over") and query.relation == "none"
     return stays and (query.action in _PASSING or parks)
-
-
-def _beyond_passed(steps: Sequence[Request]) -> tuple[Request, ...]:
-    """Return steps in which "past it", once a vehicle that drives is passed, is where we are then."""
-    placed = list(steps)
-    for i, (step, following) in enumerate(pairwise(steps), start=1):
-        passed, named = step.chosen, following.chosen
-        drives = passed is not None and (passed.item.speed_mps or 0.0) > MOVING_MPS
-        same = passed is not None and named is not None and passed.item.id == named.item.id
-        if drives and same and step.query.action in _PASSING and following.query.relation == "past":
-            query = replace(following.query, relation="none", landmark=None, referent=None)
-            placed[i] = replace(following, chosen=None, reading=following.reading.with_query(query))
-    return tuple(placed)
 
 
 class Conversation:
@@ -196,8 +182,7 @@ class Conversation:
 
         Staying behind a vehicle replaces a step that passes it.
         """
-        joined = _beyond_passed(join_drives((*self.state.plan, *requests))) if then else tuple(requests)
-        steps = _without_given_up(joined)
+        steps = _without_given_up(join_drives((*self.state.plan, *requests)) if then else tuple(requests))
         answer = answer if steps == tuple(requests) else None
         if answer is None:
             answer = self.answer_steps(steps)

@@ -11,7 +11,7 @@ from grounding.dialogue.telling.measures import describe_one, gap_ends_m
 from grounding.dialogue.telling.place import describe_kerb, kerb_gap, place_of
 from grounding.dialogue.telling.reports import aside, unknown
 from grounding.dialogue.telling.things import NAMING
-from grounding.goal.planner import AT_EDGE_M, Target
+from grounding.goal.planner import Target, is_in_the_road
 from grounding.language import WordCategory
 from grounding.language.questions import Question
 from grounding.referent.scene import SceneModel
@@ -72,7 +72,7 @@ def tell_blocking(talk: Conversation, text: str, question: Question) -> Answer |
     edge, road = kerb_gap(place, talk.scene), talk.scene.road
     if edge is None or road is None:
         return aside(talk, text, describe_kerb(place, talk.scene))
-    at_edge = edge[0] <= AT_EDGE_M or bool(road.car_parks[place.cell])
+    at_edge = not is_in_the_road(place.cell, place.heading_ego_rad, road)
     yes = "" if question.kind == "passing" else "yes: " if at_edge == (question.kind == "verge") else "no: "
     where = "at the edge of the road" if at_edge else "in the road: others have to drive around us"
     return aside(talk, text, f"{yes}the place is {where}", describe_kerb(place, talk.scene))
