@@ -15,6 +15,8 @@ from grounding.query import Exclusion, Query
 from grounding.requests import Request
 from grounding.vocabulary import KNOWN_NOUNS, LANDMARK_KINDS, Relation
 
+# Words of turns that say more than one thing, or until when.
+_JOINED = frozenset((*MARKS, "and", "until", "till"))
 # Categories of words for what stands beside the road, or is a part of it.
 _THINGS = (WordCategory.THING, WordCategory.REGION)
 
@@ -23,7 +25,7 @@ def answer_exclusion(talk: Conversation, text: str) -> Answer | None:
     """Plan the goal in force away from what a turn rules out, or tell that it is not known; None for other turns."""
     state, words = talk.state, words_after_opening(text, talk.grounder.lexicon)
     words = words[words[:1] == ("but",) :]
-    if state.goal is None or state.question is not None or state.request is None or {*words} & {*MARKS, "and"}:
+    if state.goal is None or state.question is not None or state.request is None or not _JOINED.isdisjoint(words):
         return None
     if named := _hindered(talk, words):
         return keep_clear(talk, text, " ".join(named))
