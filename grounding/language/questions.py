@@ -51,6 +51,7 @@ _FURTHER = (
     "beside",
     "wrong",
     "sideways",
+    "upto",
     "both",
 )
 # Kinds whose words describe a thing if its noun follows: "the moving van", "the light green car".
@@ -196,7 +197,7 @@ def read_further_words(text: str, lexicon: Lexicon | None = None) -> FurtherWord
         end -= 1
     corrects = words[end - 2 : end] in _I_MEAN
     end = end - 2 if corrects else end
-    corrects = corrects or not _ONLY.isdisjoint(words[:start])
+    only = not _ONLY.isdisjoint(words[:start])
     about, meant = _end("follow", words, start), _end("mean", words, start)
     corrects, begin = corrects or bool(meant), about or meant or start
     while end > begin and _end("further", words, end - 1) == end:
@@ -207,7 +208,8 @@ def read_further_words(text: str, lexicon: Lexicon | None = None) -> FurtherWord
     asks = _end("asking", words, begin) or _end("indirect", words, begin)
     if not 0 < len(kept) <= _MAX_FURTHER or asks or any(word in _MARKS for word in kept):
         return None
-    return FurtherWords(" ".join(written[begin:end]), corrects, bool(about), "instead" in words[end:], not adds)
+    rest = " ".join(written[begin:end])
+    return FurtherWords(rest, corrects or only, bool(about), "instead" in words[end:], not adds)
 
 
 def asks_car(text: str, lexicon: Lexicon | None = None) -> bool:

@@ -244,6 +244,8 @@ def _tell_gap(talk: Conversation, text: str, question: Question) -> Answer | Non
     of_place = place is not None and names_one_beside_us(talk, question.words)
     if place is not None and "sideways" in question.kinds:
         return tell_sides(talk, text, question)
+    if "upto" in question.kinds and question.words and not of_place:
+        return tell_at_place(talk, text, question) or _tell_distance(talk, text, question)
     if names_thing(talk, question.words) and not of_place:
         return tell_room(talk, text, question.words)  # "how big is the gap between the van and the bus?"
     if place is None:

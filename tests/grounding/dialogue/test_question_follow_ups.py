@@ -132,3 +132,10 @@ def test_what_is_in_between_is_up_to_what_was_asked_about() -> None:
 )
 def test_our_own_speed_is_not_known(text: str) -> None:
     assert "not known here: our own speed" in say("slow down a bit", text)
+
+
+def test_a_place_after_a_question_is_a_place_to_go_to() -> None:
+    session = drive()
+    session.say("stop between the blue car and the white car")
+    told(session, "is anything parked after the red car?")
+    assert session.say("just behind the white car then").target is not None

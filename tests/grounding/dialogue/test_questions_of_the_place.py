@@ -71,3 +71,14 @@ def test_changes_of_others_are_told_to_be_unknown() -> None:
 
 def test_the_road_ahead_is_told_to_be_unknown() -> None:
     assert "how the road goes on" in told(drive("stop here"), "which way does the road go?")
+
+
+def test_the_pavement_is_not_agreed_to() -> None:
+    session = drive()
+    assert session.say("use the pavement if you have to").plan.refused
+
+
+def test_a_gap_to_another_vehicle_offers_no_place() -> None:
+    session = drive()
+    assert "m from the blue car" in told(session, "how much gap is there till the blue car")
+    assert not session.proposes
