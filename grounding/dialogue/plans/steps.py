@@ -176,10 +176,9 @@ def _keep_only(talk: Conversation, text: str) -> Answer | None:
     """Drop all steps but those that a clause names: "no van today. Only the truck"; None for other turns."""
     steps, words = after_turns(talk.state.steps), tuple(WORD.findall(normalise(text)))
     begins = [i for i in range(len(words)) if _begins_clause(talk, words, i)]
-    last = next((i for i in reversed(begins) if words_end("keeping", words, i) > i), None)
-    if last is None:
+    start = next((i for i in reversed(begins) if words_end("keeping", words, i) > i), None)
+    if start is None:
         return None
-    start = next(i for i in begins if i == last or words_end("keeping", words, i) > last)  # "keep only", not "only"
     before = talk.read(" ".join(words[:start])) if start else None
     if before is not None and not before.problem and names_place(before.query):
         return None  # "park behind the van, just the small one"
