@@ -169,7 +169,7 @@ def answer_turn(talk: Conversation, text: str) -> Answer:
         return answer_turn(talk, fallback)
     if answer := answer_listed(talk, text) or _answer_phrases(talk, text, partial(answer_turn, talk)):
         return answer
-    if answer := edit_steps(talk, text) or answer_wait(talk, text):
+    if answer := edit_steps(talk, text) or answer_wait(talk, text) or answer_exclusion(talk, text):
         return answer
     before = talk.state
     parts = _sentences_of(talk, text)
@@ -201,9 +201,7 @@ def _answer_phrases(talk: Conversation, text: str, answer_rest: Callable[[str], 
     """Answer a turn by its phrases, where each clause is one that is known as a whole; None for other turns."""
     if answer := name_followed(talk, text) or answer_gap(talk, text) or answer_somewhere(talk, text):
         return answer
-    if answer := answer_giving_up(talk, text, answer_rest) or answer_road_position(talk, text, answer_rest):
-        return answer
-    return answer_exclusion(talk, text)
+    return answer_giving_up(talk, text, answer_rest) or answer_road_position(talk, text, answer_rest)
 
 
 def _answer_each(talk: Conversation, parts: Sequence[Part], reasons: bool = True) -> Answer | None:

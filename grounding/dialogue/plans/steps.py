@@ -194,8 +194,10 @@ def _keep_only(talk: Conversation, text: str) -> Answer | None:
 
 def _begins_clause(talk: Conversation, words: Words, at: int) -> bool:
     """Return whether a clause begins at a word, or the words before it only open the sentence: "ok, only the van"."""
-    joined = at == 0 or words[at - 1] in (*_JOINING, "so")
-    return joined or not words_after_opening(" ".join(words[:at]), talk.grounder.lexicon)
+    if at == 0 or words[at - 1] in (*_JOINING, "so"):
+        return True
+    opens = not words_after_opening(" ".join(words[:at]), talk.grounder.lexicon)
+    return opens and not words_end("keeping", words, 0)  # not the "only" of "keep only the van"
 
 
 def _drops_only(talk: Conversation, tail: Words) -> bool:
