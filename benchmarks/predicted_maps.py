@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from appocc.bevmap import CLASSES, bev_folder, load_map
+from appocc.bevmap import bev_folder, load_map
 from appocc.errors import DataError
 from appocc.evaluation.cells import CellCounts, cell_group_masks, count_cells, threshold_rows
 from appocc.frame import Frame

@@ -15,9 +15,9 @@ from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.inference import loading
+from appocc.inference.decision_thresholds import decision_thresholds
 from appocc.inference.exposure import DARK
 from appocc.inference.loading import load_predictor
-from appocc.inference.decision_thresholds import decision_thresholds
 from appocc.inference.predictor import select_cameras
 from appocc.levelling import ground_pose
 from appocc.models.model_spec import MODEL_SPECS
