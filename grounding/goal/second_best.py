@@ -29,7 +29,7 @@ _BEFORE_END_M = 12.0
 _AROUND_M, _NEARBY_M = 22.0, 10.0
 # Along the edge this distance costs one; a place there has this gap to the edge, and at most the second.
 _AWAY_M, _EDGE_M, _MAX_EDGE_M = 3.0, 0.3, 0.9
-# Places this far behind us or beside our lane are told to be so.
+# Behind us and in another street: distances from our pose and from our lane.
 _BEHIND_M, _ASIDE_M = 5.0, 10.0
 # A gap below this is told as "just beyond it".
 _JUST_M = 0.5

@@ -22,7 +22,7 @@ _MARKS = (",", ".", ";", "!", "?")
 # Words that join two halves, and are part of neither.
 _JOINING = frozenset((*_MARKS, "and", "or", "but", "then", "so", "either", "please", "just"))
 _PLACES = (WordCategory.RELATION, WordCategory.HERE, WordCategory.BETWEEN, WordCategory.SIDE)
-# Words after which a question says what it asks for, and determiners that "no" replaces.
+# Words before the object of a question, and determiners that "no" replaces.
 _ASKED_AFTER = ("there", "see", "have")
 _COPULAS = ("is", "are")
 _UNDETERMINED = re.compile(r"^(?:a|an|any|some|enough|still)\s+")

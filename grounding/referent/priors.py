@@ -29,7 +29,7 @@ _INDEFINITE_SCALE_M = 15.0
 # Least plausibility of an object for an action.
 _LEAST_PLAUSIBILITY = 0.3
 _YIELDING = ("give_way", "wait")
-# Plausibility of following what stands beside our lane, and the least one of what is followed.
+# Plausibility of following a parked vehicle, and the least plausibility of a vehicle to follow.
 _PARKED_FOLLOWED, _LEAST_FOLLOWED = 0.05, 0.05
 # Relations to vehicles that stand in line with the place, and plausibility of one on the other side than the place.
 _ALONG_SIDE, _OTHER_SIDE = ("behind", "in_front_of", "before", "past", "between"), 0.1

@@ -20,7 +20,7 @@ from grounding.scene_object import SceneObject
 # Less than this backwards is not told; a place nearer than this ahead leaves no way to turn in forwards; no vehicle
 # within this of us in line leaves the place open.
 _LITTLE_M, _NEAR_M, _OPEN_M = 0.5, 8.0, 20.0
-# A door needs this much room, and what is farther away beside us is not told.
+# Room that a door needs, and the largest distance of what is beside us.
 _DOOR_M, _BESIDE_M = 0.8, 4.0
 # A gap shorter than this many lengths of us is entered backwards.
 _SHORT_GAP = 2.0
