@@ -12,7 +12,7 @@ from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import each_step, find_fitting, widen
 from grounding.dialogue.fragments import is_understood, keep_action, names_pronoun, points, refers_to_place
 from grounding.dialogue.merging import merge_request, names_gap_only
-from grounding.dialogue.shifts import shift_more
+from grounding.dialogue.places.shifts import shift_more
 from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.telling.reports import ask_again, inform, not_understood, notice
 from grounding.dialogue.turns import Turn

@@ -11,15 +11,15 @@ from grounding.answer import Answer
 from grounding.dialogue.choices import name_followed
 from grounding.dialogue.commands import answer_command
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.exclusions import answer_exclusion
-from grounding.dialogue.gaps import answer_gap
 from grounding.dialogue.listed import answer_listed
+from grounding.dialogue.places.exclusions import answer_exclusion
+from grounding.dialogue.places.gaps import answer_gap
+from grounding.dialogue.places.road_position import answer_road_position
+from grounding.dialogue.places.somewhere import answer_somewhere
 from grounding.dialogue.plans.giving_up import answer_giving_up
 from grounding.dialogue.plans.steps import edit_steps
 from grounding.dialogue.plans.waits import answer_wait
-from grounding.dialogue.road_position import answer_road_position
 from grounding.dialogue.sentences import answer_sentence, is_misunderstood
-from grounding.dialogue.somewhere import answer_somewhere
 from grounding.dialogue.telling.reports import inform, notice
 from grounding.dialogue.turns import ASIDES, DOING, names_command, predict_turn
 from grounding.language.alternatives import as_condition, lone_fallback

@@ -43,8 +43,7 @@ from grounding.dialogue.fragments import (
 )
 from grounding.dialogue.memory import Memory
 from grounding.dialogue.merging import merge_request, names_place
-from grounding.dialogue.plans.waits import stands
-from grounding.dialogue.shifts import (
+from grounding.dialogue.places.shifts import (
     BIT_M,
     change_distance,
     move_elsewhere,
@@ -53,6 +52,7 @@ from grounding.dialogue.shifts import (
     shift_last,
     shift_more,
 )
+from grounding.dialogue.plans.waits import stands
 from grounding.dialogue.telling.questions import answer_question
 from grounding.dialogue.telling.reports import (
     ask_again,

@@ -9,7 +9,7 @@ from grounding.answer import Answer
 from grounding.dialogue.clauses import clauses_of, is_phrase
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import begins_with_place, has_verb, only_named
-from grounding.dialogue.somewhere import after_someplace
+from grounding.dialogue.places.somewhere import after_someplace
 from grounding.dialogue.telling.reports import inform
 from grounding.goal.limits import stands_at_edge
 from grounding.goal.planner import Target

@@ -7,7 +7,7 @@ from dataclasses import replace
 from grounding.answer import Answer
 from grounding.dialogue.clauses import Words, clauses_of, is_phrase
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.shifts import BIT_M, move_elsewhere, shift_last
+from grounding.dialogue.places.shifts import BIT_M, move_elsewhere, shift_last
 from grounding.dialogue.telling.reports import inform
 from grounding.goal.shift import Shift
 from grounding.language import Reading

@@ -8,7 +8,7 @@ from grounding.answer import Answer
 from grounding.dialogue.clauses import Words, clauses_of, is_phrase, whole_number
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import is_understood, names_pronoun
-from grounding.dialogue.shifts import change_distance, shift_last
+from grounding.dialogue.places.shifts import change_distance, shift_last
 from grounding.goal.shift import Shift
 from grounding.language.replies import split_distance, words_end
 from grounding.language.syntax.lexicon import default_lexicon
