@@ -57,8 +57,8 @@ def answer_road_position(talk: Conversation, text: str, answer_rest: Callable[[s
     rest = [" ".join(words) for words in others if words]
     if position == "otherside" and _is_across(request.query) and not rest:
         position = "ourside"  # the other one than that of the goal
-    if rest and (answer := _with_rest(talk, position, request, answer_rest, ", ".join(rest))):
-        return answer
+    if rest and _asks_for_more(talk, ", ".join(rest)):
+        return _with_rest(talk, position, request, answer_rest, ", ".join(rest))
     return _move(talk, text, position, request)
 
 
@@ -66,28 +66,30 @@ def _changes_lane(request: Request) -> bool:
     return request.query.action == "change_lane"
 
 
+def _asks_for_more(talk: Conversation, rest: str) -> bool:
+    """Return whether the other words of a turn ask for something: not "wrong side, I meant our side"."""
+    reading = talk.read(rest)
+    return bool(has_verb(reading) or begins_with_place(rest, talk.readings) or only_named(reading.tokens))
+
+
 def _with_rest(
     talk: Conversation, position: str, request: Request, answer_rest: Callable[[str], Answer], rest: str
 ) -> Answer | None:
-    """Answer the other words of a turn at a position across the road; None if they ask for nothing."""
+    """Answer the other words of a turn at a position across the road; None where they have no place, or another side."""
     before = talk.state
-    reading = talk.read(rest)
-    if not (has_verb(reading) or begins_with_place(rest, talk.readings) or only_named(reading.tokens)):
-        return None  # "wrong side, I meant our side"
     wished = next(_placed(position, request))
     talk.state = replace(before, asked=before.with_request(wished), question=None)
     answer = answer_rest(rest)
-    if answer.status == "not_a_command" or talk.state.asked == before.with_request(wished):
-        talk.state = before
-        return None
-    if answer.status != "ok" or answer.target is None:
-        return answer
-    steps = tuple(next(_placed(position, step)) for step in talk.state.plan)
-    placed = talk.answer_steps(steps)
-    if placed.status == "ok" and (placed.target is None or _stands(position, placed.target, talk.scene)):
-        return talk.settle(steps, placed)
+    if answer.status == "ok" and answer.target is not None and talk.state.asked != before.with_request(wished):
+        steps = tuple(next(_placed(position, step)) for step in talk.state.plan)
+        placed = talk.answer_steps(steps)
+        if placed.status == "ok" and (placed.target is None or _stands(position, placed.target, talk.scene)):
+            return talk.settle(steps, placed)
+        if position == "atedge":  # "not in the road, somewhere after it"
+            talk.state = before
+            return _tell_no_place(talk, rest, position)
     talk.state = before
-    return _tell_no_place(talk, rest, position)
+    return None
 
 
 def _move(talk: Conversation, text: str, position: str, request: Request) -> Answer:
