@@ -57,7 +57,7 @@ def answer_road_position(talk: Conversation, text: str, answer_rest: Callable[[s
     rest = [" ".join(words) for words in others if words]
     if position == "otherside" and _is_across(request.query) and not rest:
         position = "ourside"  # the other one than that of the goal
-    if rest and _asks_for_more(talk, ", ".join(rest)):
+    if any(_asks_for_more(talk, one) for one in rest):
         return _with_rest(talk, position, request, answer_rest, ", ".join(rest))
     return _move(talk, text, position, request)
 
@@ -75,7 +75,7 @@ def _asks_for_more(talk: Conversation, rest: str) -> bool:
 def _with_rest(
     talk: Conversation, position: str, request: Request, answer_rest: Callable[[str], Answer], rest: str
 ) -> Answer | None:
-    """Answer the other words of a turn at a position across the road; None where they have no place, or another side."""
+    """Answer the other words of a turn at a position across the road; None where that is no place there."""
     before = talk.state
     wished = next(_placed(position, request))
     talk.state = replace(before, asked=before.with_request(wished), question=None)

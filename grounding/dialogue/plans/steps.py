@@ -184,7 +184,9 @@ def _keep_only(talk: Conversation, text: str) -> Answer | None:
         return None  # "park behind the van, just the small one"
     named, tail = _cut(words[words_end("keeping", words, start) :])
     kept = words_after_opening(" ".join(named), talk.grounder.lexicon)
-    found = _named(talk, steps, kept)
+    found = (
+        None if begins_with_place(" ".join(kept), talk.readings) else _named(talk, steps, kept)
+    )  # "just opposite it"
     if not found or not _drops_only(talk, tail):
         return None
     if len(_counted(steps, only_stops=False)) == 1 and talk.state.goal is not None and not talk.state.question:
