@@ -361,6 +361,9 @@ def _plan(
         relation, one = query.relation.replace("_", " "), with_article(landmark)
         reason = f"'{relation}' is measured from {one}, which the map does not hold"
         return GoalPlan(None, (reason,), nearest=goal_plan.target)
+    if request.shifts and goal_plan.target is None:
+        second = plan_with_second_best(query, goal_plan, scene, road, item)
+        goal_plan = second if second.target is not None else goal_plan  # the place that is in force
     for shift in request.shifts:
         named = next((one for one in scene.table.items if one.id == shift.vehicle), item)
         goal_plan = shift_goal(goal_plan, shift, scene, road, named)

@@ -362,7 +362,8 @@ def _explain_target(search: CandidateSearch, chosen: GoalCandidate, way: CarRout
 def _explain_gap(query: Query, chosen: GoalCandidate) -> list[str]:
     """Return how far the gap is from the one that is asked for."""
     gaps = chosen.candidates.gap_m
-    if query.distance_m is None or query.distance_of != "referent" or gaps is None:
+    measured = query.referent is not None and query.distance_of == "referent"  # gaps at a landmark are ahead of us
+    if query.distance_m is None or not measured or gaps is None:
         return []
     more_m = float(gaps[chosen.index]) - query.distance_m
     if abs(more_m) < _TOLD_GAP_M:

@@ -55,7 +55,8 @@ def plan_with_second_best(
         return _ask_to_stop_in_lane(query, plan, scene, road)
     if item is None or settled or query.relation == "between":  # beside one of two is not between them
         return with_nearest(plan)
-    if query.action in _PASSING and (onward := _plan_to_end_of_map(plan, scene, road)) is not None:
+    beyond = query.action in _PASSING or (query.relation == "past" and query.action not in PARKING)
+    if beyond and (onward := _plan_to_end_of_map(plan, scene, road)) is not None:
         return onward
     if query.action in _STOPPING and query.relation in _IN_LINE:
         stopped = _plan_in_our_lane(query, scene, road, item)

@@ -165,3 +165,37 @@ def test_an_offer_in_the_road_says_so() -> None:
         row.car(f"c{i}", 4.9 * i - 30, -6.8, RED if i == 9 else BLACK)
     asked = ask("park behind the red car", row)
     assert asked.question.endswith(", in the road?")
+
+
+def test_who_is_followed_once_it_leaves_is_named_in_both_steps() -> None:
+    street = Street().car("bus", 14, 0, RED, speed_mps=1.0, category="vehicle.bus.rigid", size_wlh_m=(2.5, 8.0, 3.2))
+    answer = ask("follow the bus when it leaves", street)
+    assert answer.status == "ok"
+    assert [(step.query.action, step.referent and step.referent.item.id) for step in answer.steps] == [
+        ("wait", "bus"),
+        ("follow", "bus"),
+    ]
+
+
+@pytest.mark.parametrize("text", ["set off", "let the green car go by first, then set off"])
+def test_to_set_off_is_to_drive_on(text: str) -> None:
+    street = Street().car("g", 30, 3.5, GREEN, 3.14, speed_mps=8.0)
+    answer = ask(text, street)
+    assert answer.status == "ok"
+    assert answer.steps[-1].target is not None
+    assert answer.steps[-1].target.ego_m[0] > 12
+
+
+def test_a_stop_beyond_the_map_is_at_its_end_for_now() -> None:
+    answer = ask("stop right after the white car", Street().car("w", 36, -6, WHITE))
+    assert place_of(answer) > 30
+    assert "we go to the end of the map for now" in answer.text()
+
+
+def test_a_place_that_gives_way_for_another_moves_too() -> None:
+    row = Street()
+    for i in range(6):
+        row.car(f"c{i}", 5.2 * i + 12, -3.4, RED if i == 3 else BLACK)
+    talk = session(row)
+    before = place_of(talk.say("stop behind the red car"))
+    assert place_of(talk.say("a bit further back please")) < before - 1

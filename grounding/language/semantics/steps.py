@@ -19,6 +19,8 @@ _HOLDING = ("wait", "give_way")
 _OTHER_SIDE: dict[str | None, Direction] = {"left": "right", "right": "left"}
 # Actions that go on until their event: "follow it until it turns".
 _GOING_ON = ("follow", "other")
+# Actions that are about a vehicle: "follow it when it leaves".
+_OF_VEHICLES = ("follow", "overtake", "drive_past", "approach", "avoid")
 # Actions that a later step about the same vehicle contains: "drive up to the van and stop behind it".
 _ON_THE_WAY = ("approach", "other")
 # An intent, the intents that add arguments to it, and all intents -> its query.
@@ -170,7 +172,7 @@ def _await(
         count=None,
     )
     step = replace(step, trigger=None)
-    if step.relation == "none" and _same_vehicle(step, held):
+    if step.relation == "none" and step.action not in _OF_VEHICLES and _same_vehicle(step, held):
         step = _at_landmark(replace(step, referent=None, landmark=None))  # the vehicle is only awaited
     if intent.frame.event_connective == "so":  # "pull over so that the van can pass": it waits for nothing
         return [(is_main, step) if step.action in _STANDING else pair]
