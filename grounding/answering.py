@@ -153,14 +153,13 @@ def _about_the_same(request: Request, before: Answer) -> Request:
 
 def _later_beyond_map(step: Answer, scene: SceneModel, start: Pose2D) -> Answer:
     """Return a step without a place as one for later, if it begins where the map ends and names no vehicle."""
-    road = scene.road_from(start)
-    found = step.status == "ok" or step.plan.refused or step.query.referent is not None or bool(step.query.unresolved)
-    if found or road is None or road.ego_lane.at_road_end or road.ego_lane.end_m > _MAP_END_M:
+    if step.status == "ok" or step.plan.refused or step.query.referent is not None or step.query.unresolved:
+        return step
+    lane = scene.road_from(start).ego_lane
+    if lane.at_road_end or lane.end_m > _MAP_END_M:
         return step
     named = describe_step(step.query, None, scene)
-    reason = (
-        f"'{named}' is planned once more of the road is seen: the map ends {max(road.ego_lane.end_m, 0):.0f} m beyond"
-    )
+    reason = f"'{named}' is planned once more of the road is seen: the map ends {max(lane.end_m, 0):.0f} m beyond"
     return replace(step, status="ok", plan=GoalPlan(None, (reason,), later=True), question="", reasons=(reason,))
 
 

@@ -13,6 +13,7 @@ from grounding.query import Query
 from grounding.referent.resolver import Candidate
 from grounding.referent.scene import SceneModel
 from grounding.scene_object import SceneObject
+from grounding.vocabulary import PASSING_ACTIONS
 
 # Actions of a stop.
 STOPS = ("park", "stop", "pull_over", "approach")
@@ -122,7 +123,7 @@ def after_passing(requests: Sequence[Request]) -> Sequence[Request]:
     placed = list(requests)
     for i, (step, following) in enumerate(pairwise(requests), start=1):
         query, passed = following.query, step.query
-        passes = passed.action in ("overtake", "drive_past") and query.relation == "past" and query.action in STOPS
+        passes = passed.action in PASSING_ACTIONS and query.relation == "past" and query.action in STOPS
         named, meant = passed.referent, query.referent
         if passes and named and meant and named == replace(meant, head=named.head, anaphora=named.anaphora):
             query = replace(query, relation="none", landmark=None, referent=None)

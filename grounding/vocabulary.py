@@ -67,6 +67,8 @@ RELATIONS: tuple[str, ...] = get_args(Relation)[1:]  # without "none"
 STATES: tuple[str, ...] = get_args(State)
 TRIGGERS: tuple[str, ...] = get_args(Trigger)
 MANOEUVRES: tuple[str, ...] = get_args(Manoeuvre)
+# Actions that lead past a vehicle.
+PASSING_ACTIONS: tuple[Action, ...] = ("overtake", "drive_past")
 # What a command asks for instead of a place: another speed, or to stand where we are.
 Pace = Literal["slower", "faster", "standing"]
 # Nouns of vehicles and of people, and of all objects that a scene can hold.

@@ -13,6 +13,8 @@ from grounding.language.syntax.tokenizer import normalise
 
 Words = tuple[str, ...]
 MARKS = (",", ".", ";", "!", "?")
+# What joins two clauses.
+JOINING = (*MARKS, "and", "but", "then")
 _JOINTS, _AND_A_HALF = (*MARKS, "and", "but"), ("and", "a", "half")
 
 

@@ -22,14 +22,13 @@ from grounding.referent.resolver import Candidate, find_all
 from grounding.referent.scene import SceneModel
 from grounding.requests import Request, join_drives, requests_of
 from grounding.scene_object import SceneObject
+from grounding.vocabulary import PASSING_ACTIONS
 
 if TYPE_CHECKING:
     from grounding.grounder import Grounder
 
 # Vehicles fit alike if their log scores differ by less, as by their places alone, and the words fit by this share.
 _ALIKE, _ALIKE_FIT = 2.5, 0.5
-# Actions that pass a vehicle.
-_PASSING = ("overtake", "drive_past")
 
 
 def _without_given_up(steps: Sequence[Request]) -> tuple[Request, ...]:
@@ -45,7 +44,7 @@ def _gives_up(step: Request, following: Request) -> bool:
     stays = following.query.action == "follow" or following.query.relation == "behind"
     # "Just tuck in and follow it": to tuck in is no place of its own.
     parks = query.action in ("park", "stop", "pull_over") and query.relation == "none"
-    return stays and (query.action in _PASSING or parks)
+    return stays and (query.action in PASSING_ACTIONS or parks)
 
 
 class Conversation:

@@ -11,10 +11,9 @@ from typing import Any
 
 from grounding.query import Query
 from grounding.requests import Request
-from grounding.vocabulary import REFUSED
+from grounding.vocabulary import PASSING_ACTIONS, REFUSED
 
 # Actions that staying behind a vehicle replaces.
-_PASSING = ("overtake", "drive_past")
 
 
 def merge_request(request: Request, partial: Query) -> Request:
@@ -48,7 +47,7 @@ def merge(base: Query, partial: Query) -> Query:
         slots["manoeuvre"] = partial.manoeuvre
     if partial.action is not None:
         slots |= {"action": partial.action, "actions": partial.actions}
-    elif partial.relation == "behind" and base.action in _PASSING:
+    elif partial.relation == "behind" and base.action in PASSING_ACTIONS:
         slots |= {"action": "follow", "actions": ("follow",)}  # who stays behind passes no more
     if partial.referent is not None:
         slots |= _vehicle_slots(base, partial)

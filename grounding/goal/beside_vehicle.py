@@ -12,12 +12,13 @@ from grounding.query import Query
 from grounding.road.road_map import RoadMap, align_axis
 from grounding.road.style import DrivingStyle
 from grounding.scene_object import SceneObject
+from grounding.vocabulary import PASSING_ACTIONS
 
 Proposal = tuple[list[CandidateSet], list[str]]
 
 # Preferred gap between bumpers of actions that have one of their own; for pulling over beyond that for parking.
 _PASSED_M, _PULLED_OVER_M = 6.0, 0.5
-PASSING, _MIN_PASSED_M = ("overtake", "drive_past"), 2.0
+_MIN_PASSED_M = 2.0
 # Tolerance beyond the preferred gap (a queue may be in between, except for parking) and below it.
 _FURTHER_M, _FURTHER_PARKED_M, _CLOSER_M = 10.0, 3.0, 3.0
 # Tolerance along the vehicle for candidates level with it.
@@ -46,7 +47,7 @@ _SIDE_COSTS = {"near": (0.5, 0.5, 0.0, 0.0), "at": (0.0, 0.0, 0.0, 0.0), "toward
 
 def preferred_gap_m(action: str | None, style: DrivingStyle) -> float:
     """Return the gap between bumpers for an action without a distance in the command."""
-    if action in PASSING:
+    if action in PASSING_ACTIONS:
         return _PASSED_M
     if action in PARKING:
         return style.park_gap_m + (_PULLED_OVER_M if action == "pull_over" else 0.0)
@@ -65,7 +66,7 @@ def gap_range(query: Query, item: SceneObject, style: DrivingStyle) -> DistanceR
     if follows:
         preferred = style.following_m + style.following_s * (item.speed_mps or 0.0)
     # A follower keeps its distance; after passing a vehicle, a small gap is enough.
-    least = _MIN_PASSED_M if query.action in PASSING else max(_MIN_GAP_M, preferred - _CLOSER_M)
+    least = _MIN_PASSED_M if query.action in PASSING_ACTIONS else max(_MIN_GAP_M, preferred - _CLOSER_M)
     return DistanceRange(least, preferred, preferred + (_FURTHER_PARKED_M if query.action in PARKING else _FURTHER_M))
 
 

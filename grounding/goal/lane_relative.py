@@ -10,7 +10,6 @@ from grounding.goal.beside_vehicle import (
     IN_LINE_M,
     LATERAL_M,
     PARKING,
-    PASSING,
     SECOND,
     Proposal,
     gap_cost,
@@ -22,6 +21,7 @@ from grounding.road.free_space import gap_m, round_heading
 from grounding.road.lane_model import LANE_M
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
+from grounding.vocabulary import PASSING_ACTIONS
 
 # Across the road: tolerance along the vehicle, gap of a parked ego to the road edge and spread of its cost.
 _LEVEL_M, _LEVEL_SPREAD_M, _EDGE_M, _EDGE_SPREAD_M = 2.0, 2.5, 0.3, 0.6
@@ -64,7 +64,7 @@ def propose_on_our_way(relation: str, query: Query, item: SceneObject, road: Roa
         lanes = [("in line with it", lateral, 0.0), ("one lane beside it", next_lane, SECOND)]
     gap = sign * along - reference.half_extent_m(reference.travel_rad) - ego_half
     fits = (gap >= gaps.least_m) & (gap <= gaps.most_m)
-    passes = query.action in PASSING and query.distance_m is None
+    passes = query.action in PASSING_ACTIONS and query.distance_m is None
     along_cost = gap_cost(gap, gaps.preferred_m, _FURTHER_ON_M if passes else ALONG_M)
     found = []
     for where, off_m, extra in lanes:

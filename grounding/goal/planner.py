@@ -349,9 +349,8 @@ def _explain_target(search: CandidateSearch, chosen: GoalCandidate, way: CarRout
     other_sets = [each for each in search.candidate_sets if each.words != chosen.candidates.words]
     others = [other for each in other_sets if (other := search.unconstrained_best(each))]
     better = min(others, key=lambda other: other.cost, default=chosen)
-    violation = search.explain_violation(better)
-    # The kerb side of a vehicle at the kerb is no place that anybody thinks of.
-    if better.cost < chosen.cost - 1e-9 and violation != LEAVES_ROAD:
+    violation = search.explain_violation(better) if better.cost < chosen.cost - 1e-9 else LEAVES_ROAD
+    if violation != LEAVES_ROAD:  # the kerb side of a vehicle at the kerb is no place that anybody thinks of
         reasons.append(f"{better.candidates.words} would be better, but the best place there {violation}")
     along, lateral = float(road.along_m[chosen.cell]), float(road.lateral_m[chosen.cell])
     if along < -_MOVED_M and abs(lateral) < _IN_LANE_M:

@@ -18,11 +18,10 @@ from grounding.referent.scene import SceneModel
 from grounding.road.free_space import OFF_MAP
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
-from grounding.vocabulary import Relation
+from grounding.vocabulary import PASSING_ACTIONS, Relation
 
 # Relations in line with a vehicle, and actions that stop in our lane where there is no room in line with it.
 _IN_LINE, _STOPPING = ("behind", "in_front_of"), ("stop", "wait")
-_PASSING = ("overtake", "drive_past")
 # The last metres of our lane on the map.
 _BEFORE_END_M = 12.0
 # Places to park up to this far from the vehicle are proposed, and other places up to the second.
@@ -55,7 +54,7 @@ def plan_with_second_best(
         return _ask_to_stop_in_lane(query, plan, scene, road)
     if item is None or settled or query.relation == "between":  # beside one of two is not between them
         return with_nearest(plan)
-    beyond = query.action in _PASSING or (query.relation == "past" and query.action not in PARKING)
+    beyond = query.action in PASSING_ACTIONS or (query.relation == "past" and query.action not in PARKING)
     if beyond and (onward := _plan_to_end_of_map(plan, scene, road)) is not None:
         return onward
     if query.action in _STOPPING and query.relation in _IN_LINE:
@@ -148,7 +147,7 @@ def _describe(place: Target, item: SceneObject) -> str:
 
 
 def _consequences(query: Query, place: Target, road: RoadMap) -> str:
-    """Return what a place has that nobody expects: it is in the road, behind us, or in another street."""
+    """Return the drawbacks of a place in words: it is in the road, behind us, or in another street."""
     told = []
     if query.action in PARKING and is_in_the_road(place.cell, place.heading_ego_rad, road):
         told.append("in the road")

@@ -112,8 +112,7 @@ def split_alternatives(text: str, tokens: Sequence[Token]) -> Iterator[Alternati
     if words.count_joints() > MAX_JOINTS:
         return
     # "If it moves, follow it, otherwise go past": what is the case there decides, not whether there is a place.
-    named = any(token.category is WordCategory.SPOT for token in tokens)
-    states = words.end_of("if", 0) and not named and not tells_room(text)
+    states = words.end_of("if", 0) and not tells_room(words, tokens)
     for wish, fallback in (*(() if states else _at_otherwise(words)), *_at_condition(words, tokens)):
         if wish and fallback:
             yield Alternatives(wish, fallback, True)
@@ -134,14 +133,16 @@ def as_condition(text: str) -> str:
     """
     words = Words.of(text)
     end = next((k for k, word in enumerate(words.words) if word in _MARKS), 0)
+    rest = next((k for k in range(end, len(words.words)) if words.words[k] not in _MARKS), len(words.words))
+    so, not_so = words.end_of("so", rest), words.end_of("notso", rest)
+    if not (so or not_so):
+        return ""
     state = next((k for k in range(2, end) if words.end_of("being", k) == end), 0)
     if not 0 < words.end_of("asked", 0) <= end and not (state and words.words[0] in _COPULAS):
         return ""
-    rest = next((k for k in range(end, len(words.words)) if words.words[k] not in _MARKS), len(words.words))
-    so, not_so = words.end_of("so", rest), words.end_of("notso", rest)
     first = next((k for k in range(end) if words.words[k] in _ASKED_AFTER), -1) + 1
     what, command = words.part(first, end), words.part(max(so, not_so))
-    if not (so or not_so) or not what or not command:
+    if not what or not command:
         return ""
     if not first and state:  # "is the bus moving"
         be = f"{words.words[0]} not" if not_so else words.words[0]
@@ -151,9 +152,10 @@ def as_condition(text: str) -> str:
     return f"if there is {what}, {command}"
 
 
-def tells_room(text: str) -> bool:
-    """Return whether a normalised text has a condition on free room: "if there's room behind the van"."""
-    words = Words.of(text)
+def tells_room(words: Words, tokens: Sequence[Token]) -> bool:
+    """Return whether a text names a free space, or has a condition on room: "if there's room behind the van"."""
+    if any(token.category is WordCategory.SPOT for token in tokens):
+        return True
     begun = (end for k, _ in enumerate(words.words) if (end := words.end_of("if", k)))
     return any(words.end_of("room", end) for end in begun)
 

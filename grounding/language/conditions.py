@@ -48,8 +48,7 @@ def split_condition(text: str, tokens: Sequence[Token]) -> Condition | None:
         tokens: its tagged tokens.
     """
     words = Words.of(text)
-    room = any(token.category is WordCategory.SPOT for token in tokens) or tells_room(text)
-    if words.count_joints() > MAX_JOINTS or room:
+    if words.count_joints() > MAX_JOINTS or tells_room(words, tokens):
         return None  # "if there is a gap": the scene tells whether there is a place
     begin = next((i for i, _ in enumerate(words.words) if words.end_of("if", i)), None)
     if begin is None:

@@ -10,10 +10,10 @@ from grounding.query import Query, Referent
 from grounding.referent.ordinals import find_ordinals, is_plural
 from grounding.referent.scene import SceneModel
 from grounding.road.lane_model import LANE_M
+from grounding.vocabulary import PASSING_ACTIONS
 
 # Places beyond a row, and short of it; actions that pass one.
 _BEYOND, _SHORT = ("past", "in_front_of"), ("behind", "before", "toward")
-_PASSING = ("overtake", "drive_past")
 # Nouns for all the vehicles of a row.
 _QUEUES = ("queue", "tailback", "jam", "line", "string", "stream")
 # Vehicles of a row leave at most this much room between them, and are this much in line.
@@ -38,7 +38,7 @@ def end_of_row(query: Query, referent: Referent, rows: Sequence[int], scene: Sce
     Returns:
         The row of the object table; None where one vehicle is meant, or the first one stands alone.
     """
-    beyond = query.relation in _BEYOND or (query.action in _PASSING and query.relation == "none")
+    beyond = query.relation in _BEYOND or (query.action in PASSING_ACTIONS and query.relation == "none")
     queue = names_queue(referent)
     if not (beyond or query.relation in _SHORT) or not (queue or is_plural(referent.head)) or not referent.definite:
         return None

@@ -104,12 +104,10 @@ def _fit_all_words(query: Query, referent: Referent, scene: SceneModel) -> dict[
     """Return the membership (N,) in the words of a referent, its landmarks, its distance and the exclusions."""
     word_fits = fit_words(referent, scene)
     for part in query.secondary:
-        found: dict[str, FloatArray] = {}
         if part.of in ("referent", "inverse") and part.noun in KNOWN_NOUNS:
-            found = _fit_landmark(part, scene, _product(word_fits))
+            word_fits |= _fit_landmark(part, scene, _product(word_fits))
         elif _is_on_map(part, scene):
-            found = _fit_map_landmark(part, scene, _product(word_fits))
-        word_fits |= found
+            word_fits |= _fit_map_landmark(part, scene, _product(word_fits))
     if query.distance_of == "descriptor" and query.distance_m:
         word_fits[f"{query.distance_m:g} m away"] = _fit_distance(query.distance_m, scene)
     for exclusion in query.excluded:
@@ -180,12 +178,10 @@ def _fit_landmark(part: Landmark, scene: SceneModel, plain: FloatArray) -> dict[
         fit = fit_relation(part.relation, table, np.arange(len(table)))[chosen].T
         words = f"the {words} {relation} it"
     else:
-        closest = part.relation == "closest_to"
-        fit = (
-            _fit_closest(footprint_gap_m(table, chosen), chosen, plain)
-            if closest
-            else fit_relation(part.relation, table, chosen)
-        )
+        if part.relation == "closest_to":
+            fit = _fit_closest(footprint_gap_m(table, chosen), chosen, plain)
+        else:
+            fit = fit_relation(part.relation, table, chosen)
         words = f"{relation} the {words}"
     return {words: np.max(fit * probability[chosen], axis=1, initial=0.0)}
 

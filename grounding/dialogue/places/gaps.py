@@ -15,9 +15,9 @@ from grounding.language.syntax.lexicon import default_lexicon
 from grounding.query import Query
 from grounding.referent.resolver import find_all
 from grounding.requests import Request
+from grounding.vocabulary import PASSING_ACTIONS
 
 # Actions without a gap that is held, and words before the vehicle to which one is left.
-_PASSING = ("overtake", "drive_past")
 _TO_NAMED = ("to", "from", "between", "behind", "of")
 
 
@@ -37,7 +37,7 @@ def answer_gap(talk: Conversation, text: str) -> Answer | None:
 def _keeps_gap(query: Query) -> bool:
     """Return whether a command keeps a gap to a vehicle: after passing it, "another ten metres" is how far to go."""
     placed = query.relation != "none" or query.action == "follow"
-    return query.landmark == "referent" and placed and query.action not in _PASSING
+    return query.landmark == "referent" and placed and query.action not in PASSING_ACTIONS
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from grounding.answer import Answer
-from grounding.dialogue.clauses import MARKS, Words, clauses_of, is_phrase
+from grounding.dialogue.clauses import JOINING, Words, clauses_of, is_phrase
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import is_understood, names_pronoun
 from grounding.dialogue.telling.reports import cancel, inform
@@ -13,9 +13,6 @@ from grounding.language.replies import words_after_opening, words_end
 from grounding.query import Query
 from grounding.referent.resolver import find_all
 from grounding.requests import Request
-
-# Words that a clause is joined with.
-_JOINING = (*MARKS, "and", "but", "then")
 
 
 def answer_giving_up(talk: Conversation, text: str, answer_rest: Callable[[str], Answer]) -> Answer | None:
@@ -27,9 +24,9 @@ def answer_giving_up(talk: Conversation, text: str, answer_rest: Callable[[str],
         answer_rest: answers what is to be done instead.
     """
     words = words_after_opening(text, talk.grounder.lexicon)
-    at = next((i for i, word in enumerate(words) if word in _JOINING), len(words))
+    at = next((i for i, word in enumerate(words) if word in JOINING), len(words))
     clause, rest = words[:at], words_after_opening(" ".join(words[at + 1 :]), talk.grounder.lexicon)
-    while rest and rest[0] in _JOINING:
+    while rest and rest[0] in JOINING:
         rest = rest[1:]
     if _lets_go(talk, clause):
         told = _drop_following(talk, text)

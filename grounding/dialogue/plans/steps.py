@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from grounding.answer import Answer
-from grounding.dialogue.clauses import whole_number
+from grounding.dialogue.clauses import JOINING, MARKS, Words, whole_number
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import begins_with_place, has_verb, is_understood, read_description
 from grounding.dialogue.merging import names_place
@@ -19,14 +19,12 @@ from grounding.language.syntax.tokenizer import normalise
 from grounding.query import Query, Referent
 from grounding.referent.resolver import find_all
 from grounding.requests import STOPS, Request, after_turns, requests_of
-from grounding.vocabulary import POSITIONS
+from grounding.vocabulary import PASSING_ACTIONS, POSITIONS
 
-Words = tuple[str, ...]
-# Actions that pass a vehicle, and those that hold until an event comes.
-_PASSING = ("overtake", "drive_past", "avoid")
+# Actions that lead around a vehicle, and those that hold until an event comes.
+_PASSING = (*PASSING_ACTIONS, "avoid")
 HOLDING = ("wait", "give_way")
-_MARKS, _ARTICLES = (",", ".", ";", "!", "?"), ("the", "that", "this", "our", "my", "a", "your")
-_JOINING = (*_MARKS, "and", "but", "then")
+_ARTICLES = ("the", "that", "this", "our", "my", "a", "your")
 # Who is dropped at a place.
 _PASSENGERS = ("me", "us", "him", "her", "them")
 # Positions from the end, and that of a further step.
@@ -90,7 +88,7 @@ def _named(talk: Conversation, steps: Sequence[Request], words: Words) -> list[i
 
     A list without a step stands for one that the plan has not.
     """
-    if not words or any(mark in words for mark in _MARKS):
+    if not words or any(mark in words for mark in MARKS):
         return None
     if (found := _at_position(steps, words)) is not None:
         return found
@@ -134,7 +132,7 @@ def _tell_missing(talk: Conversation, text: str) -> Answer:
 
 def _cut(words: Words) -> tuple[Words, Words]:
     """Return the words before the first mark or conjunction, and those after it."""
-    end = next((i for i, word in enumerate(words) if word in _JOINING), len(words))
+    end = next((i for i, word in enumerate(words) if word in JOINING), len(words))
     return words[:end], words[end:]
 
 
@@ -184,9 +182,8 @@ def _keep_only(talk: Conversation, text: str) -> Answer | None:
         return None  # "park behind the van, just the small one"
     named, tail = _cut(words[words_end("keeping", words, start) :])
     kept = words_after_opening(" ".join(named), talk.grounder.lexicon)
-    found = (
-        None if begins_with_place(" ".join(kept), talk.readings) else _named(talk, steps, kept)
-    )  # "just opposite it"
+    placed = begins_with_place(" ".join(kept), talk.readings)  # "just opposite it"
+    found = None if placed else _named(talk, steps, kept)
     if not found or not _drops_only(talk, tail):
         return None
     if len(_counted(steps, only_stops=False)) == 1 and talk.state.goal is not None and not talk.state.question:
@@ -196,7 +193,7 @@ def _keep_only(talk: Conversation, text: str) -> Answer | None:
 
 def _begins_clause(talk: Conversation, words: Words, at: int) -> bool:
     """Return whether a clause begins at a word, or the words before it only open the sentence: "ok, only the van"."""
-    if at == 0 or words[at - 1] in (*_JOINING, "so"):
+    if at == 0 or words[at - 1] in (*JOINING, "so"):
         return True
     opens = not words_after_opening(" ".join(words[:at]), talk.grounder.lexicon)
     return opens and not words_end("keeping", words, 0)  # not the "only" of "keep only the van"
@@ -204,7 +201,7 @@ def _begins_clause(talk: Conversation, words: Words, at: int) -> bool:
 
 def _drops_only(talk: Conversation, tail: Words) -> bool:
     """Return whether what follows asks for nothing, or gives something up: "only the van, forget the second bit"."""
-    while tail and tail[0] in _JOINING:
+    while tail and tail[0] in JOINING:
         tail = tail[1:]
     after = words_after_opening(" ".join(tail), talk.grounder.lexicon)
     drops = any(words_end(kind, after, 0) for kind in ("dropping", "rejecting"))
@@ -291,17 +288,17 @@ def _name_stops(talk: Conversation, text: str, words: Words) -> Answer | None:
 
 def _stops_in(words: Words, talk: Conversation) -> Iterator[tuple[int, Words]]:
     """Yield position and place of each stop that is named."""
-    begins = [0, *(i + 1 for i, word in enumerate(words) if word in _JOINING)]
-    marks = [(i, *found) for i in begins if (found := _stopwhole_number(words, i, talk))]
+    begins = [0, *(i + 1 for i, word in enumerate(words) if word in JOINING)]
+    marks = [(i, *found) for i in begins if (found := _stop_number(words, i, talk))]
     for (_, number, start), end in zip(marks, [*(mark[0] for mark in marks[1:]), len(words)], strict=False):
         place = words[start:end]
-        while place and place[-1] in _JOINING:
+        while place and place[-1] in JOINING:
             place = place[:-1]
         if place:
             yield number, place
 
 
-def _stopwhole_number(words: Words, start: int, talk: Conversation) -> tuple[int, int] | None:
+def _stop_number(words: Words, start: int, talk: Conversation) -> tuple[int, int] | None:
     """Return the position of a stop that is named from a word on, and the beginning of its place; None if none is."""
     state = talk.state
     start = words_end("visiting", words, start)
@@ -340,7 +337,7 @@ def _put_before(talk: Conversation, text: str, words: Words) -> Answer | None:
     stop = words[start:end]
     if stop == words:
         return None  # "but stop before the van" is another place, and none on the way
-    while stop and stop[0] in _JOINING:
+    while stop and stop[0] in JOINING:
         stop = stop[1:]
     requests = _stop_on_the_way(talk, text, stop) if stop else None
     if requests is None:

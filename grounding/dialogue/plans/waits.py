@@ -10,11 +10,12 @@ import numpy as np
 
 from grounding.answer import Answer
 from grounding.dialogue.choices import confirm
+from grounding.dialogue.clauses import Words
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import has_verb, is_understood, refers_to_place
 from grounding.dialogue.memory import Memory
 from grounding.dialogue.merging import names_place
-from grounding.dialogue.plans.steps import HOLDING, Words
+from grounding.dialogue.plans.steps import HOLDING
 from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.telling.reports import aside, notice
 from grounding.language import Reading, WordCategory
