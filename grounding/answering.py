@@ -10,7 +10,7 @@ from itertools import pairwise
 
 from appocc.errors import AppoccError
 from grounding.answer import Answer, pick
-from grounding.cases import choose_case
+from grounding.cases import await_event, choose_case
 from grounding.confidence import confidence_of, gather_evidence, is_worth_acting
 from grounding.describe import describe_object, describe_step, with_article
 from grounding.goal.at_landmark import landmark_of
@@ -57,6 +57,8 @@ def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDA
         if reading.condition:
             return choose_case(wished, answer_reading(fallback, scene, limit), reading.condition, reading.motion)
         return _choose_place(wished, answer_reading(fallback, scene, limit), reading.prefers_nearer)
+    if reading.condition:
+        return await_event(reading, scene)
     requests = requests_of(reading)
     primary = next((i for i, one in enumerate(requests) if one.query == reading.query), len(requests) - 1)
     answer = answer_steps(requests, scene, primary=primary, limit=limit)

@@ -8,6 +8,9 @@ from functools import partial
 from appocc.motion_state import STANDING_MPS
 from grounding.answer import Answer, pick
 from grounding.describe import describe_step
+from grounding.goal.planner import GoalPlan
+from grounding.language.reading import Reading
+from grounding.referent.scene import SceneModel
 
 
 def choose_case(then: Answer, other: Answer, condition: str, motion: str) -> Answer:
@@ -38,3 +41,11 @@ def choose_case(then: Answer, other: Answer, condition: str, motion: str) -> Ans
         dropped=then.dropped,
     )
     return replace(asked, chooser=partial(pick, options, name="case"))
+
+
+def await_event(reading: Reading, scene: SceneModel) -> Answer:
+    """Return the answer to "stop if a child runs out": nothing changes now, and the event is not watched for."""
+    named = (reading.query.action or "").replace("_", " ")
+    reason = f"'{named}' is for when '{reading.condition}': nothing changes now, and what others will do is not foreseen"
+    plan = GoalPlan(None, (reason,), later=True)
+    return Answer(status="ok", reading=reading, scene=scene, reasons=(reason,), plan=plan, confidence=1.0)

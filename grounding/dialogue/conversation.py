@@ -188,6 +188,8 @@ class Conversation:
         self.state = replace(self.state, rejected=frozenset())
         if self.state.plan and len(steps) == 1 and answer.pace in ("slower", "faster"):
             return answer  # another speed on the way to the goal in force
+        if answer.plan.later and answer.reading.condition:
+            return answer  # what is done in another case changes nothing now
         return self.settle(steps, answer)
 
     def take_steps(self, text: str, steps: Sequence[Request]) -> Answer:

@@ -5,11 +5,11 @@ Each half is a command of its own; what the case is decides between them, not wh
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Literal, NamedTuple
 
-from grounding.language.alternatives import MAX_JOINTS, Words, tells_room
+from grounding.language.alternatives import MARKS, MAX_JOINTS, Words, tells_room
 from grounding.language.reading import Reading
 from grounding.language.syntax.lexicon import Lexicon
 from grounding.language.syntax.tagging.tagger import tag
@@ -17,6 +17,8 @@ from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token, normalise
 from grounding.language.syntax.word_categories import WordCategory
 from grounding.query import Query
 
+# Actions with which one reacts to what others do.
+_REACTIONS = ("stop", "slow_down", "wait", "give_way")
 # Actions that hold where we stand.
 _STANDING = ("wait", "stop", "park", "pull_over")
 # Whether the vehicle of a condition has to move or to stand; '' for another event.
@@ -56,6 +58,8 @@ def split_condition(text: str, tokens: Sequence[Token]) -> Condition | None:
     start, before = words.end_of("if", begin), words.part(0, begin)
     end = words.clause_end(tokens, start)
     clause = words.part(start, end)
+    if before and (after := _otherwise(words, end)) and tells_event(tokens_within(tokens, words, start, end)):
+        return Condition(clause, before, words.rest(after))  # "overtake it if nobody comes, otherwise stay behind"
     if before:  # "wait behind it unless it leaves, in which case follow it"
         then = words.rest(end)
         return Condition(clause, then, before) if clause and then and words.is_case(begin, end) else None
@@ -67,6 +71,50 @@ def split_condition(text: str, tokens: Sequence[Token]) -> Condition | None:
     if words.words[begin] == "unless":
         then, other = other, then
     return Condition(clause, then, other) if clause and then and other else None
+
+
+def _otherwise(words: Words, start: int) -> int:
+    """Return the word at which the other case of a clause that ends at a word begins; 0 without one."""
+    after = next((k for k in range(start, len(words.words)) if words.words[k] not in MARKS), len(words.words))
+    return words.end_of("otherwise", after) or words.end_of("between", after)
+
+
+def with_reaction(reading: Reading, text: str, tokens: Sequence[Token], read: Callable[[str], Reading]) -> Reading:
+    """Return a reading with its condition, if it only tells how to react to an event: "stop if a child runs out".
+
+    Args:
+        reading: the reading of the whole text.
+        text: the normalised text.
+        tokens: its tagged tokens.
+        read: reads a part of the text.
+    """
+    words = Words.of(text)
+    begin = next((i for i, word in enumerate(words.words) if word != "unless" and words.end_of("if", i)), None)
+    if reading.condition or reading.otherwise or begin is None or reading.query.action not in _REACTIONS:
+        return reading
+    start, before = words.end_of("if", begin), words.part(0, begin)
+    end = words.clause_end(tokens, start)
+    command = before or words.part(end)
+    if not command or (before and words.part(end)) or not tells_event(tokens_within(tokens, words, start, end)):
+        return reading
+    reaction = read(command)
+    placed = reaction.query.referent or reaction.query.relation != "none" or reaction.query.secondary
+    if placed or not reaction.is_plain or reaction.query.action != reading.query.action or len(reaction.steps) > 1:
+        return reading
+    return replace(reading, condition=words.part(start, end), dropped=(), doubt="", doubtful=(), notes=())
+
+
+def tokens_within(tokens: Sequence[Token], words: Words, start: int, end: int) -> list[Token]:
+    """Return the tokens of the words from `start` to `end`."""
+    first, last = words.spans[start][0], words.spans[end - 1][1]
+    return [token for token in tokens if first <= token.start < last]
+
+
+def tells_event(tokens: Sequence[Token]) -> bool:
+    """Return whether a clause tells what others may do: "a child runs out"; not what is now, nor what we do."""
+    if not tokens or tokens[0].category is WordCategory.EGO or any(one.category in _COPULAS for one in tokens):
+        return False
+    return any(token.category is WordCategory.VERB and token.event for token in tokens)
 
 
 def until_then(awaited: Query, then: Reading, other: Reading) -> Reading | None:

@@ -10,7 +10,7 @@ from itertools import islice
 from grounding.language.alternatives import Alternatives, as_condition, split_alternatives
 from grounding.language.ambiguity import MAX_READINGS, list_alternatives
 from grounding.language.between import with_both_ends
-from grounding.language.conditions import Condition, motion_of, split_condition, until_then
+from grounding.language.conditions import Condition, motion_of, split_condition, until_then, with_reaction
 from grounding.language.people import with_people
 from grounding.language.problems import ParseProblem, check_type, find_problem
 from grounding.language.reading import Reading, compose_doubt
@@ -107,9 +107,12 @@ def parse_all(
         problem = find_problem(normalised, ways[0].tokens, words, is_command)
         readings: tuple[Reading, ...] = (likely[0].reading(likely[0].built.query, 0.0, problem),)
     else:
-        readings = _best_readings(commands)
+        first, *others = _best_readings(commands)
+        plainly = partial(parse, lexicon=words, revised=False)
+        first = with_reaction(first, normalised, tagged, plainly)
+        readings = (first,) if first.condition else (first, *others)
     alone = antecedent is None and not verb
-    if not (revised and alone):
+    if not (revised and alone) or readings[0].condition:
         return readings
     first, *others = revise_readings(readings, name_units(ways[0].tokens))
     if not first.problem and (first.doubt or first.revised):
@@ -128,7 +131,8 @@ def _read_condition(
     if condition is None:
         return ()
     named = parse(f"wait until {condition.clause}", lexicon, antecedent, revised=False)
-    about = named.query.referent or parse(condition.other, lexicon, antecedent, revised=False).query.referent
+    halves = (parse(half, lexicon, antecedent, revised=False) for half in (condition.other, condition.then))
+    about = next((one.query.referent for one in (named, *halves) if one.query.referent), None)
     about = about and replace(about, qualifiers=tuple(one for one in about.qualifiers if one not in STATES))
     first, second = (
         parse_all(half, lexicon, about or antecedent, revised=revised)[0]

@@ -102,6 +102,9 @@ def _answer_wait(talk: Conversation, text: str, last: str) -> Answer | None:
         answer = talk.take((*waits, *_without(steps, waits)))
         unsettled = any(one.status != "ok" and (asked or one.query.referent) for one in answer.steps[: len(waits)])
         return None if unsettled else answer  # for whom we wait is not asked beside another question
+    someone = any(one.query.referent is not None and one.query.referent.noun == "person" for one in waits)
+    if awaited.supposed and someone and talk.read(" ".join(words)).condition:
+        return None  # "stop if somebody crosses": no one in sight is meant
     if awaited.supposed and awaited.command is not None and awaited.command.query.action not in HOLDING:
         then = [_about_meant(talk, one) for one in requests_of(said(awaited.command, text))]
         return talk.take((*steps, *waits, *then))
