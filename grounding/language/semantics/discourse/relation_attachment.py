@@ -115,7 +115,7 @@ def attach_target(state: DiscourseState, relation: str, phrase: NounPhrase) -> N
             _name_alike(state, host, phrase)
         host.related.append((relation, phrase))
         add_mention(state, phrase, "landmark")
-        attach_distance(state, "descriptor")
+        attach_distance(state, "gap" if phrase.kind == "pronoun" else "descriptor")  # "two metres from it"
 
 
 def _name_alike(state: DiscourseState, host: NounPhrase, phrase: NounPhrase) -> None:

@@ -42,6 +42,8 @@ _OF_VEHICLES = ("beside_ego", "at_end", "in_row")
 _ACROSS = ("crosswalk", "stop_line")
 # Kinds of words between a distance and its reference.
 _BEFORE_REFERENCE = ("relation", "between", "away", "where")
+# A distance below it after a place at a vehicle is the gap, and not how far away the vehicle is.
+_NEAR_M = 10.0
 
 
 def handle_relation(state: DiscourseState, token: Token) -> None:
@@ -277,6 +279,9 @@ def _ends_place(state: DiscourseState) -> bool:
 
 
 def handle_away(state: DiscourseState, token: Token) -> None:
-    """Attach a distance to the noun phrase before it: "the car 20 metres away"."""
-    if state.open_phrase is not None:
+    """Attach a distance to the noun phrase before it, a short one after a place to that: "behind it, 3 m away"."""
+    short = state.open_distance_m is not None and state.open_distance_m < _NEAR_M
+    if short and _ends_place(state):
+        attach_distance(state, "gap")
+    elif state.open_phrase is not None:
         attach_distance(state, "descriptor")
