@@ -188,7 +188,8 @@ class Query:
         distance_of: what the distance is: the gap to the referent or the kerb, the way to go, or how far away the
             referent is.
         excluded: what is not meant: "not the red one", "anywhere except behind the truck".
-        count: which branch to turn into ("the third left" is 3), or how many lanes to change; None if not named.
+        count: which branch to turn into ("the third left" is 3), which gap at the kerb to park in, or how many lanes
+            to change; None if not named.
         manoeuvre: how to drive, if the verb says more than the action: onward, back, creep, faster, or a refused one.
         unresolved: the pronoun or "one" that refers to nothing that was named; '' if there is none.
         sought: what such a "one" is like: a red vehicle for "the red one"; None without one.

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from appocc.checks import FloatArray, IntArray
 from appocc.geometry import wrap_angle
 from grounding.goal.candidates import CandidateSet, DistanceRange
-from grounding.road.free_space import TAKEN
+from grounding.road.free_space import TAKEN, round_heading
 from grounding.road.lane_model import LANE_M
 from grounding.road.road_map import RoadMap
 
@@ -21,6 +23,8 @@ _LANE_SHARE, _PARKED_SHARE = 0.9, 0.25
 _BEYOND = 3.0
 # Gap to the road edge: preferred, standard deviation of its cost, and how much greater it may be.
 _EDGE_M, _EDGE_SPREAD_M, _MAX_EDGE_M = 0.3, 0.5, 1.2
+# Where gaps at the kerb are counted, and the least stretch without a free place between two of them.
+_GAPS_M, _GAP_BREAK_M = DistanceRange(0.0, 0.0, 60.0), 2.0
 # Cost of a junction, where the confidence of the road axis is below the second value.
 _JUNCTION, _CONFIDENT = 4.0, 0.75
 # Costs of the edge of a crossing road, and of another road beyond the end of the ego lane.
@@ -99,6 +103,22 @@ def propose_at_edge(road: RoadMap, side: str, ahead: DistanceRange, gap_m: float
     words = f"at the {side} edge of the road"
     found = CandidateSet(words, cells, cost, heading, along[region], "ahead")
     return [found.subset(side_m - gap_m < _MAX_EDGE_M)]
+
+
+def propose_in_gap(road: RoadMap, side: str, number: int) -> tuple[list[CandidateSet] | None, list[str]]:
+    """Propose candidates in the n-th free stretch of the road edge on one side, counted from where we are."""
+    (found,) = propose_at_edge(road, side, _GAPS_M)
+    heading = round_heading(found.heading_rad)
+    free = found.subset(road.free_space.flags(found.cells, heading) == 0)
+    along_m = np.zeros(0) if free.gap_m is None else free.gap_m
+    starts = np.sort(along_m)
+    starts = starts[np.diff(starts, prepend=-np.inf) > _GAP_BREAK_M]
+    if number > len(starts):
+        count = f"{len(starts) or 'no'} gap{'s' * (len(starts) != 1)}"
+        return None, [f"the map shows {count} ahead at the {side} edge of the road"]
+    gap = free.subset(np.searchsorted(starts, along_m, side="right") == number)
+    words = f"in gap {number} of {len(starts)} at the {side} edge of the road"
+    return [replace(gap, words=words, cost=gap.cost - gap.cost.min())], []
 
 
 def propose_back(road: RoadMap, distance_m: float) -> list[CandidateSet]:

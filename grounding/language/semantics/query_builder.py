@@ -160,11 +160,12 @@ def _manoeuvre(intents: Sequence[Intent]) -> str | None:
 
 
 def _count(intent: Intent) -> int | None:
-    """Return which branch a turn takes, or how many lanes a change crosses; None if the text does not say."""
-    if intent.frame.count is not None or intent.action != "turn":
+    """Return which branch or gap is taken, or how many lanes a change crosses; None if the text does not say."""
+    if intent.frame.count is not None or intent.action not in ("turn", "park"):
         return intent.frame.count
-    branches = (thing for _, thing in intent.frame.landmarks if thing.noun in ENTERABLE)
-    return next((ORDINALS[word] for thing in branches for word in thing.qualifiers if word in ORDINALS), None)
+    things = (thing for _, thing in intent.frame.landmarks)
+    counted = [one for one in things if (one.noun in ENTERABLE if intent.action == "turn" else one.kind == "spot")]
+    return next((ORDINALS[word] for one in counted for word in one.qualifiers if word in ORDINALS), None)
 
 
 def _unresolved(intent: Intent) -> str:
