@@ -46,6 +46,8 @@ def choose_case(then: Answer, other: Answer, condition: str, motion: str) -> Ans
 def await_event(reading: Reading, scene: SceneModel) -> Answer:
     """Return the answer to "stop if a child runs out": nothing changes now, and the event is not watched for."""
     named = (reading.query.action or "").replace("_", " ")
-    reason = f"'{named}' is for when '{reading.condition}': nothing changes now, and what others will do is not foreseen"
+    reason = (
+        f"'{named}' is for when '{reading.condition}': nothing changes now, and what others will do is not foreseen"
+    )
     plan = GoalPlan(None, (reason,), later=True)
     return Answer(status="ok", reading=reading, scene=scene, reasons=(reason,), plan=plan, confidence=1.0)

@@ -56,7 +56,7 @@ Trigger = Literal["pass", "leave", "turn", "stop", "merge", "clear", "other"]
 # Changes of a place; "away" and "near" are relative to the vehicle that it is measured from.
 ShiftDirection = Literal["away", "near", "ahead", "back", "leftwards", "rightwards"]
 # Positions that ordinals name; "next" counts from where we are.
-POSITIONS: Mapping[str, int] = {"first": 1, "second": 2, "third": 3, "fourth": 4}
+POSITIONS: Mapping[str, int] = {"first": 1, "second": 2, "third": 3, "fourth": 4, "fifth": 5, "sixth": 6}
 ORDINALS: Mapping[str, int] = {**POSITIONS, "next": 1}
 # Manoeuvres that are refused, and all ways to drive that a verb names beyond its action.
 Refused = Literal["pavement", "oncoming_lane", "red_light", "push", "double_park", "off_road", "speeding"]

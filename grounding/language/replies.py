@@ -28,7 +28,7 @@ _PLAN_KINDS = (
     *("starting", "retelling"),
     *("atedge", "ourside", "otherside", "ourlane", "someplace", "anyplace", "upahead", "notback"),
     *("leaving", "leavingmore", "sufficing", "apart", "tooclose"),
-    *("hindering", "particle", "elsewherethan"),
+    *("hindering", "particle", "elsewherethan", "limit"),
     *(
         "letting",
         "going",
@@ -232,7 +232,9 @@ def _split(words: tuple[str, ...], lexicon: Lexicon) -> tuple[tuple[str, ...], t
 def _longest_match(words: tuple[str, ...], start: int) -> tuple[int, str]:
     """Return the end and the kind of the longest reply from a word on; the kind is '' if there is none."""
     matched = _replies().longest_match(words, start)
-    return (matched[0], matched[1].value) if matched else (start, "")
+    if matched is None or words_end("limit", words, start) > matched[0]:  # "no faster than 25" begins with no "no"
+        return start, ""
+    return matched[0], matched[1].value
 
 
 def _skip(words: tuple[str, ...], start: int, lexicon: Lexicon) -> int:

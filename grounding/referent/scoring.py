@@ -34,6 +34,8 @@ _AT_M, _AT_SPREAD_M = 4.0, 4.0
 _LOG_DISTANCE_STD = 0.25
 # Scale of the difference of gaps by which one is closer, and the farthest gap.
 _CLOSER_M, _FAR_M = 1.5, 1000.0
+# Things that every map has, and that tell no object from another: "someone by the road".
+_OF_EVERY_MAP = ("road", "street", "turn")
 _TINY = 1e-9
 
 
@@ -95,7 +97,7 @@ def note_unmapped(query: Query, scene: SceneModel) -> tuple[str, ...]:
         for part in query.secondary
         if part.of != "goal" or (part.relation in described and part.noun not in (*LANDMARK_KINDS, "lane"))
     ]
-    unknown = (part for part in (*parts, *query.excluded) if part.noun not in KNOWN_NOUNS)
+    unknown = (part for part in (*parts, *query.excluded) if part.noun not in (*KNOWN_NOUNS, *_OF_EVERY_MAP))
     names = dict.fromkeys(part.noun.replace("_", " ") for part in unknown if not _is_on_map(part, scene))
     return tuple(f"the map holds no {name}: it was left out" for name in names)
 

@@ -102,10 +102,9 @@ def test_what_is_to_be_waited_for_before_a_turn_leaves_the_turn() -> None:
     assert steps_of(ask("before you turn left, park behind the blue car")) == ["park"]
 
 
-def test_a_condition_is_awaited() -> None:
+def test_a_reaction_is_for_when_the_condition_comes() -> None:
     answer = ask("if the blue car moves, stop")
-    assert steps_of(answer) == ["wait", "stop"]
-    assert answer.steps[0].query.trigger == "leave"
+    assert (answer.status, answer.target, answer.steps) == ("ok", None, ())
 
 
 def test_a_person_is_where_the_sentence_says() -> None:

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from grounding.language.semantics.discourse.command_frames import Discourse
 from grounding.language.syntax.noun_phrases import NounPhrase
 from grounding.query import Referent
+from grounding.vocabulary import ORDINALS
 
-_ORDERED = ("first", "second", "third", "fourth", "next", "last", "nearest", "farthest", "leftmost", "rightmost")
+_ORDERED = (*ORDINALS, "last", "nearest", "farthest", "leftmost", "rightmost")
 _SIDES = ("left_side", "right_side", "opposite_side", "own_side", "left_lane", "right_lane")
 # Qualifiers that "one" inherits: in "there are two trucks ahead, follow the red one" the red truck is ahead.
 _INHERITED = ("ahead", "behind_ego", "own_lane", *_SIDES, "parked", "moving", "stopped")
