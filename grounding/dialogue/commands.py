@@ -76,7 +76,8 @@ def answer_command(
             first = each_step(first, lambda step: replace(step, referent=named) if step.referent else step)
             return talk.take([_at(aimed.chosen, one) for one in requests_of(first)], then)
         if talk.meant is not None:
-            return talk.take([_at(talk.meant, one) for one in requests_of(first)], then)
+            steps = (one if _is_another(talk, one) else _at(talk.meant, one) for one in requests_of(first))
+            return talk.take(list(steps), then)
     elif (
         state.question is not None
         and first.query.referent is not None
@@ -110,6 +111,14 @@ def answer_command(
 def _at(vehicle: Candidate | None, step: Request) -> Request:
     """Return a step with a settled vehicle, if it names one: "pass it and keep going"."""
     return replace(step, chosen=vehicle) if step.query.referent is not None else step
+
+
+def _is_another(talk: Conversation, step: Request) -> bool:
+    """Return whether a step describes another vehicle than that in talk: "wait for it, then pass the white one"."""
+    named, known = step.query.referent, talk.antecedent
+    if named is None or known is None or not (named.colour or named.qualifiers):
+        return False
+    return (named.colour, named.qualifiers) != (known.colour, known.qualifiers)
 
 
 def keep_clear(talk: Conversation, text: str, words: str) -> Answer:

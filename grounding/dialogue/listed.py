@@ -22,6 +22,7 @@ from grounding.dialogue.merging import merge_request
 from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.turns import predict_turn
 from grounding.language import Reading, WordCategory
+from grounding.language.questions import read_question
 from grounding.language.replies import Reply, read_reply
 from grounding.language.syntax.tokenizer import normalise
 from grounding.query import Query, Referent
@@ -35,6 +36,8 @@ _PART = re.compile(r"\s*[,.;!?]+\s*|\s+-+\s+|\s+but\s+(?!one\b)|(?<! is)(?<! are
 _MOST_PARTS = 5
 # "That one on the left" is described as "the one" is.
 _POINTING = re.compile(r"^(?:that|this) (?=one\b)")
+# Questions that ask how much: their words describe no vehicle.
+_MEASURING = ("distance", "size", "measured", "gap", "tight", "duration")
 # Replies that open a description, and those that leave the choice among the candidates of the other parts.
 _OPENING, _OPEN = frozenset(("yes", "no", "meant", "pause", "thanks", "aside")), ("other", "any")
 # Chat beside a description, and its least probability.
@@ -103,6 +106,9 @@ def answer_listed(talk: Conversation, text: str) -> Answer | None:
     lists = question is not None and len(question.candidates) > 1 and not question.alternatives
     if not lists or question is None or request is None or any(one.partner for one in question.candidates):
         return None
+    asked = read_question(text, talk.grounder.lexicon)
+    if asked is not None and asked.kind in _MEASURING:
+        return None  # "how far is that?" is not "the far one"
     described, left_out = _without_unseen(_read_parts(talk, text), talk.scene)
     left = pick_described(described, question.candidates, talk.scene) if described else []
     if not left and any(one.by_neighbour for one in described):

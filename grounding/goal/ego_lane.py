@@ -107,18 +107,30 @@ def propose_at_edge(road: RoadMap, side: str, ahead: DistanceRange, gap_m: float
 
 def propose_in_gap(road: RoadMap, side: str, number: int) -> tuple[list[CandidateSet] | None, list[str]]:
     """Propose candidates in the n-th free stretch of the road edge on one side, counted from where we are."""
+    free, numbers = _number_gaps(road, side)
+    most = int(numbers.max(initial=0))
+    if number > most:
+        return None, [f"the map shows {most or 'no'} gap{'s' * (most != 1)} ahead at the {side} edge of the road"]
+    gap = free.subset(numbers == number)
+    words = f"in gap {number} of {most} at the {side} edge of the road"
+    return [replace(gap, words=words, cost=gap.cost - gap.cost.min())], []
+
+
+def gap_number(road: RoadMap, side: str, cell: tuple[int, int]) -> int:
+    """Return which free stretch of the road edge, as `propose_in_gap` counts them, a place is in or just beyond."""
+    free, numbers = _number_gaps(road, side)
+    before = road.along_m[tuple(free.cells.T)] <= road.along_m[cell]
+    return int(numbers[before].max(initial=0))
+
+
+def _number_gaps(road: RoadMap, side: str) -> tuple[CandidateSet, IntArray]:
+    """Return the free candidates (N,) at the road edge on one side, and the number (N,) of their stretch, from 1."""
     (found,) = propose_at_edge(road, side, _GAPS_M)
-    heading = round_heading(found.heading_rad)
-    free = found.subset(road.free_space.flags(found.cells, heading) == 0)
-    along_m = np.zeros(0) if free.gap_m is None else free.gap_m
+    free = found.subset(road.free_space.flags(found.cells, round_heading(found.heading_rad)) == 0)
+    along_m = road.along_m[tuple(free.cells.T)]
     starts = np.sort(along_m)
     starts = starts[np.diff(starts, prepend=-np.inf) > _GAP_BREAK_M]
-    if number > len(starts):
-        count = f"{len(starts) or 'no'} gap{'s' * (len(starts) != 1)}"
-        return None, [f"the map shows {count} ahead at the {side} edge of the road"]
-    gap = free.subset(np.searchsorted(starts, along_m, side="right") == number)
-    words = f"in gap {number} of {len(starts)} at the {side} edge of the road"
-    return [replace(gap, words=words, cost=gap.cost - gap.cost.min())], []
+    return free, np.searchsorted(starts, along_m, side="right")
 
 
 def propose_back(road: RoadMap, distance_m: float) -> list[CandidateSet]:

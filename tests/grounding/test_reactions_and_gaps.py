@@ -109,3 +109,37 @@ def test_a_limit_is_no_no(text: str) -> None:
     talk = session(LEADER)
     talk.say("follow the red car")
     assert talk.say(text).pace == "slower"
+
+
+@pytest.mark.parametrize(
+    "text", ["the next gap", "the one after that", "that's too small", "not that one it's too tight"]
+)
+def test_a_goal_at_the_kerb_moves_to_the_next_gap(text: str) -> None:
+    talk = session(ROW)
+    talk.say("park in the first gap")
+    moved = talk.say(text)
+    assert moved.target is not None, moved.text()
+    assert 20 < moved.target.ego_m[0] < 34
+    kept = [talk.say("the next gap") for _ in range(4)][-1]
+    assert any("the goal stays as it is" in reason for reason in kept.reasons)
+
+
+@pytest.mark.parametrize(
+    ("question", "told"),
+    [("how far is that?", "away"), ("how far is the nearest one?", "white car"), ("who's behind us?", "behind")],
+)
+def test_a_question_does_not_choose_among_the_candidates(question: str, told: str) -> None:
+    talk = session(Street().car("w", 14, -6, WHITE).car("v", 26, 6, WHITE).car("o", -12, 0, BLUE, speed_mps=4))
+    assert talk.say("stop by the white car").status == "ambiguous"
+    answer = talk.say(question)
+    assert answer.target is None
+    assert any(told in reason for reason in answer.reasons), answer.text()
+    assert talk.say("the far one").target is not None
+
+
+def test_a_vehicle_of_another_description_is_not_the_one_in_talk() -> None:
+    talk = session(Street().car("b", 14, -6, BLUE).car("w", 26, -6, WHITE))
+    talk.say("what is the blue car doing?")
+    answer = talk.say("wait until it leaves, then overtake the white one")
+    chosen = [step.referent.item.id for step in answer.steps if step.referent is not None]
+    assert chosen == ["b", "w"]

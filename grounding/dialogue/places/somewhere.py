@@ -8,7 +8,9 @@ from grounding.answer import Answer
 from grounding.dialogue.clauses import Words, clauses_of, is_phrase
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.places.shifts import BIT_M, move_elsewhere, shift_last
+from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.telling.reports import inform
+from grounding.goal.ego_lane import gap_number
 from grounding.goal.shift import Shift
 from grounding.language import Reading
 from grounding.language.replies import read_reply, words_end
@@ -29,6 +31,8 @@ def answer_somewhere(talk: Conversation, text: str) -> Answer | None:
     if request is None or state.lists or not (request.query.action in STOPS and state.steps):
         return None
     clauses = clauses_of(talk, text)
+    if clauses and all(is_phrase("nextgap", words) or is_phrase("thatgap", words) for words in clauses):
+        return _take_next_gap(talk, text, request)
     asks = [_asks_anywhere(words) for words in clauses]
     refused = [is_phrase("notback", words) for words in clauses]
     others = [words for words, *told in zip(clauses, asks, refused, strict=True) if not any(told)]
@@ -46,6 +50,22 @@ def answer_somewhere(talk: Conversation, text: str) -> Answer | None:
         return _avoid_reversing(talk, text, said_ahead=any(map(_says_ahead, clauses)), repeats=repeats)
     of_us = all("us" in words for words in others)  # "no, in front of us"
     return _take_any_ahead(talk, text) if of_us and _is_behind(talk) else None
+
+
+def _take_next_gap(talk: Conversation, text: str, request: Request) -> Answer | None:
+    """Move a goal at the edge of the road to the gap after it; None for a goal that is measured from something."""
+    query, goal, road = request.query, talk.state.goal, talk.scene.road
+    measured = query.referent is not None or query.secondary
+    if query.action not in _AT_EDGE or measured or road is None or goal is None or goal.target is None:
+        return None
+    side = query.on_side(road.traffic_side).goal_side or ("right" if road.traffic_side > 0 else "left")
+    counted = replace(query, count=gap_number(road, side, goal.target.cell) + 1)
+    moved = Request(reading=said(request.reading.with_query(counted), text))
+    steps = talk.state.with_request(moved)
+    answer = talk.answer_steps(steps)
+    if answer.status != "ok":
+        return inform(talk, text, f"the goal stays as it is: {answer.reasons[-1]}")
+    return talk.take(steps, answer=answer)
 
 
 def after_someplace(words: Words) -> Words:

@@ -32,7 +32,8 @@ def tell_found(talk: Conversation, text: str, question: Question) -> Answer | No
     """Tell which vehicles or people fit a description, and whether any does; the best one is "it" then."""
     asked = talk.state.question
     which = "which" in question.kinds
-    if which and asked is not None and asked.question and len(asked.candidates) > 1:
+    points_out = "who" in question.kinds or question.of_us  # "who is behind us?" is about the street
+    if which and not points_out and asked is not None and asked.question and len(asked.candidates) > 1:
         return ask_again(talk, text)
     if which and not question.words:
         return tell_seen(talk, text)
