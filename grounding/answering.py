@@ -10,7 +10,7 @@ from itertools import pairwise
 
 from appocc.errors import AppoccError
 from grounding.answer import Answer, pick
-from grounding.cases import await_event, choose_case
+from grounding.cases import await_event, choose_case, choose_place
 from grounding.confidence import confidence_of, gather_evidence, is_worth_acting
 from grounding.describe import describe_object, describe_step, with_article
 from grounding.goal.at_landmark import landmark_of
@@ -56,7 +56,7 @@ def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDA
         wished = answer_reading(replace(reading, otherwise=None, condition=""), scene, limit)
         if reading.condition:
             return choose_case(wished, answer_reading(fallback, scene, limit), reading.condition, reading.motion)
-        return _choose_place(wished, answer_reading(fallback, scene, limit), reading.prefers_nearer)
+        return choose_place(wished, answer_reading(fallback, scene, limit), reading.prefers_nearer)
     if reading.condition:
         return await_event(reading, scene)
     requests = requests_of(reading)
@@ -77,27 +77,6 @@ def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDA
         dropped=reading.dropped,
     )
     return replace(asked, chooser=partial(pick, asked.alternatives, name="reading"))
-
-
-def _choose_place(wished: Answer, fallback: Answer, nearer: bool) -> Answer:
-    """Return the answer to a wish, or to its fallback where the wish has no place or, with `nearer`, a farther."""
-    first, last = (describe_step(one.query, one.referent, one.scene) for one in (wished, fallback))
-    if wished.status == "ok":
-        if nearer and _is_nearer(fallback, wished):
-            return replace(fallback, reasons=(*fallback.reasons, f"'{first}' would be farther"))
-        return replace(wished, reasons=(*wished.reasons, f"'{last}' is not needed"))
-    asks_which = wished.status == "ambiguous" and not wished.plan.question
-    if asks_which or fallback.status in ("not_found", "not_a_command"):
-        return wished
-    return replace(fallback, reasons=(f"'{first}' is not possible", *wished.reasons, *fallback.reasons))
-
-
-def _is_nearer(answer: Answer, other: Answer) -> bool:
-    """Return whether the place of an answer is nearer to us than that of another one."""
-    if answer.target is None or other.target is None:
-        return False
-    ego = answer.scene.ego.centre_m
-    return math.dist(answer.target.ego_m, (ego, 0)) < math.dist(other.target.ego_m, (ego, 0))
 
 
 def answer_steps(

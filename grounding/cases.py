@@ -1,7 +1,8 @@
-"""Answers to a condition with a command for either case: the case that is, else the question which one to plan."""
+"""Answers to commands for several cases: a condition, an event that may come, and a wish with its fallback."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import partial
 
@@ -51,3 +52,24 @@ def await_event(reading: Reading, scene: SceneModel) -> Answer:
     )
     plan = GoalPlan(None, (reason,), later=True)
     return Answer(status="ok", reading=reading, scene=scene, reasons=(reason,), plan=plan, confidence=1.0)
+
+
+def choose_place(wished: Answer, fallback: Answer, nearer: bool) -> Answer:
+    """Return the answer to a wish, or to its fallback where the wish has no place or, with `nearer`, a farther."""
+    first, last = (describe_step(one.query, one.referent, one.scene) for one in (wished, fallback))
+    if wished.status == "ok":
+        if nearer and _is_nearer(fallback, wished):
+            return replace(fallback, reasons=(*fallback.reasons, f"'{first}' would be farther"))
+        return replace(wished, reasons=(*wished.reasons, f"'{last}' is not needed"))
+    asks_which = wished.status == "ambiguous" and not wished.plan.question
+    if asks_which or fallback.status in ("not_found", "not_a_command"):
+        return wished
+    return replace(fallback, reasons=(f"'{first}' is not possible", *wished.reasons, *fallback.reasons))
+
+
+def _is_nearer(answer: Answer, other: Answer) -> bool:
+    """Return whether the place of an answer is nearer to us than that of another one."""
+    if answer.target is None or other.target is None:
+        return False
+    ego = answer.scene.ego.centre_m
+    return math.dist(answer.target.ego_m, (ego, 0)) < math.dist(other.target.ego_m, (ego, 0))

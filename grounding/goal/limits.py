@@ -136,3 +136,8 @@ def stands_at_edge(road: RoadMap, cell: tuple[int, int], heading_rad: float) -> 
     sides = heading_rad + np.array([np.pi / 2, -np.pi / 2])
     away_m = road.edge_distance_m(np.array([cell, cell]), sides) - road.ego.width_m / 2
     return bool(away_m.min() <= _AT_EDGE_M)
+
+
+def is_in_the_road(cell: tuple[int, int], heading_rad: float, road: RoadMap) -> bool:
+    """Return whether others have to drive around who parks in a cell: it is neither at an edge nor in a car park."""
+    return not road.car_parks[cell] and not stands_at_edge(road, cell, heading_rad)

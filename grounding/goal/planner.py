@@ -21,9 +21,9 @@ from grounding.goal.limits import (
     PARKING_ACTIONS,
     TURNED,
     PlaceLimits,
+    is_in_the_road,
     reversing_cost,
     standing_cost,
-    stands_at_edge,
 )
 from grounding.goal.proposals import explain_refusal, is_in_our_way, propose_candidates, propose_relation
 from grounding.goal.search import LEAVES_ROAD, CandidateSearch
@@ -375,11 +375,6 @@ def _explain_second_row(query: Query, chosen: GoalCandidate, road: RoadMap) -> l
     if query.action not in PARKING_ACTIONS or not is_in_the_road(chosen.cell, chosen.heading_rad, road):
         return []
     return ["it is not at the edge of the road: others have to drive around us"]
-
-
-def is_in_the_road(cell: tuple[int, int], heading_rad: float, road: RoadMap) -> bool:
-    """Return whether others have to drive around who parks in a cell: it is neither at an edge nor in a car park."""
-    return not road.car_parks[cell] and not stands_at_edge(road, cell, heading_rad)
 
 
 def _explain_way(way: CarRoute) -> str:

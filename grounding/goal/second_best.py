@@ -9,8 +9,8 @@ import numpy as np
 from grounding.goal import ego_lane
 from grounding.goal.beside_vehicle import PARKING
 from grounding.goal.candidates import CandidateSet, DistanceRange
-from grounding.goal.limits import PlaceLimits
-from grounding.goal.planner import GoalPlan, Target, is_in_the_road, plan_place, to_target, with_nearest
+from grounding.goal.limits import PlaceLimits, is_in_the_road
+from grounding.goal.planner import GoalPlan, Target, plan_place, to_target, with_nearest
 from grounding.goal.reference_frames import ReferenceVehicle
 from grounding.goal.search import CandidateSearch
 from grounding.query import Query

@@ -11,7 +11,8 @@ from grounding.dialogue.telling.measures import describe_one, gap_ends_m
 from grounding.dialogue.telling.place import describe_kerb, kerb_gap, place_of
 from grounding.dialogue.telling.reports import aside, unknown
 from grounding.dialogue.telling.things import NAMING
-from grounding.goal.planner import Target, is_in_the_road
+from grounding.goal.limits import is_in_the_road
+from grounding.goal.planner import Target
 from grounding.language import WordCategory
 from grounding.language.questions import Question
 from grounding.referent.scene import SceneModel
