@@ -143,3 +143,13 @@ def test_a_vehicle_of_another_description_is_not_the_one_in_talk() -> None:
     answer = talk.say("wait until it leaves, then overtake the white one")
     chosen = [step.referent.item.id for step in answer.steps if step.referent is not None]
     assert chosen == ["b", "w"]
+
+
+@pytest.mark.parametrize("text", ["ten would be better", "eight, please", "nine is safer"])
+def test_a_number_alone_is_the_gap_in_force(text: str) -> None:
+    talk = session(Street().car("w", 34, 0, WHITE))
+    first = talk.say("stop 5 metres behind the white car").target
+    then = talk.say(text).target
+    assert first is not None
+    assert then is not None
+    assert then.ego_m[0] < first.ego_m[0] - 2

@@ -58,7 +58,8 @@ def _gap_in(talk: Conversation, words: Words, request: Request) -> _Gap | None:
     metres, others = split_distance(words, talk.grounder.lexicon or default_lexicon())
     if metres is None:  # "two would be nicer"
         number = whole_number(words[0])
-        return _Gap(float(number)) if number and is_phrase("sufficing", words[1:]) else None
+        alone = not words[1:] and request.query.distance_m is not None and talk.state.question is None
+        return _Gap(float(number)) if number and (alone or is_phrase("sufficing", words[1:])) else None
     more = any(words_end("leavingmore", one, 0) for one in (words, others))  # "leave another metre", "a metre more"
     start = max(words_end(kind, others, 0) for kind in ("leavingmore", "leaving"))
     named = others[start:]
