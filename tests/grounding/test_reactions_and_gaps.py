@@ -153,3 +153,19 @@ def test_a_number_alone_is_the_gap_in_force(text: str) -> None:
     assert first is not None
     assert then is not None
     assert then.ego_m[0] < first.ego_m[0] - 2
+
+
+@pytest.mark.parametrize(
+    "text", ["keep behind the red car but not too close", "stay behind the red car, not too close"]
+)
+def test_a_follower_keeps_its_distance_anyway(text: str) -> None:
+    plain, careful = ask("follow the red car", LEADER), ask(text, LEADER)
+    assert plain.target is not None
+    assert careful.target is not None
+    assert careful.target.cell == plain.target.cell
+    assert not careful.dropped
+
+
+def test_a_metre_or_two_is_a_distance() -> None:
+    query = parse("reverse a metre or two").query
+    assert (query.manoeuvre, query.distance_m) == ("back", 1.5)

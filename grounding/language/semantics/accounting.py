@@ -190,7 +190,7 @@ def _is_first_spot(tokens: Sequence[Token], i: int) -> bool:
 def _is_kept_anyway(tokens: Sequence[Token], i: int) -> bool:
     """Return whether a word asks for the distance that a follower keeps anyway: "follow it at a safe distance"."""
     distance = tokens[i].category is WordCategory.DISTANCE and tokens[i].form != "counted"
-    return distance and any(token.value == "follow" for token in tokens[:i])
+    return distance and any(token.value in ("follow", "stay") for token in tokens[:i])
 
 
 def _is_doubtful(tokens: Sequence[Token], i: int) -> bool:

@@ -251,7 +251,9 @@ def handle_lane(state: DiscourseState, token: Token) -> None:
 
 def handle_distance(state: DiscourseState, token: Token) -> None:
     """Open a distance: a gap before a relation, a travel distance alone, a descriptor after a noun."""
-    if token.form != "counted" and state.host_frame.verb_class == "follow":
+    frame = state.host_frame
+    follows = frame.verb_class == "follow" or (frame.verb_class == "stay" and frame.relation == "behind")
+    if token.form != "counted" and follows:
         return  # "at a safe distance": a follower keeps one
     state.open_distance_m = float(token.value)
     continues = state.next_kind in _BEFORE_REFERENCE
