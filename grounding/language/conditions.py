@@ -105,7 +105,9 @@ def with_reaction(reading: Reading, text: str, tokens: Sequence[Token], read: Ca
 
 
 def tokens_within(tokens: Sequence[Token], words: Words, start: int, end: int) -> list[Token]:
-    """Return the tokens of the words from `start` to `end`."""
+    """Return the tokens of the words from `start` to `end`; none if a sentence ends at "if"."""
+    if start >= end:
+        return []
     first, last = words.spans[start][0], words.spans[end - 1][1]
     return [token for token in tokens if first <= token.start < last]
 

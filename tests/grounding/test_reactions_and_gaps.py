@@ -57,6 +57,13 @@ def test_what_is_no_event_is_a_command_now(text: str) -> None:
     assert not parse(text).condition
 
 
+@pytest.mark.parametrize(
+    "text", ["stop if", "if", "if, stop", "wait behind it if, otherwise", "slow down in case .", "stop if if"]
+)
+def test_a_condition_without_a_clause_is_no_condition(text: str) -> None:
+    assert not parse(text).condition
+
+
 def test_a_case_may_follow_its_command() -> None:
     answer = ask("overtake the red car if it stops, otherwise stay behind it", LEADER)
     assert [step.query.action for step in answer.steps] == ["follow", "overtake"]
