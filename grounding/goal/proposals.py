@@ -218,8 +218,8 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
     if action == "change_lane":
         return _propose_lane_change(query, road, lanes)
     if action in PARKING or (action == "stop" and side) or (action == "other" and query.road_side == "opposite"):
-        if (query.count or 1) > 1:
-            return ego_lane.propose_in_gap(road, side or "right", query.count or 1)
+        if query.count is not None and query.count > 1:
+            return ego_lane.propose_in_gap(road, side or "right", query.count)
         ahead = _distance_ahead(query, _EDGE_M)
         kerb = {"gap_m": query.distance_m} if query.distance_of == "kerb" and query.distance_m is not None else {}
         found = ego_lane.propose_at_edge(road, side or "right", ahead, **kerb)

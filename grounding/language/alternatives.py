@@ -18,10 +18,9 @@ from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token, normalise
 from grounding.language.syntax.word_categories import DETERMINERS, POLARITY, WordCategory
 
 _FILE = "alternatives.txt"
-# Marks that end a clause.
-MARKS = (",", ".", ";", "!", "?")
+_MARKS = (",", ".", ";", "!", "?")
 # Words that join two halves, and are part of neither.
-_JOINING = frozenset((*MARKS, "and", "or", "but", "then", "so", "either", "please", "just", "only"))
+_JOINING = frozenset((*_MARKS, "and", "or", "but", "then", "so", "either", "please", "just", "only"))
 _PLACES = (WordCategory.RELATION, WordCategory.HERE, WordCategory.BETWEEN, WordCategory.SIDE)
 # Words before the object of a question, and determiners that "no" replaces.
 _ASKED_AFTER = ("there", "see", "have")
@@ -81,13 +80,24 @@ class Words:
 
     def clause_end(self, tokens: Sequence[Token], start: int) -> int:
         """Return the end of a clause that begins at a word: at a mark, or where a command begins."""
-        marked = next((k for k in range(start, len(self.words)) if self.words[k] in MARKS), len(self.words))
+        marked = next((k for k in range(start, len(self.words)) if self.words[k] in _MARKS), len(self.words))
         return min(marked, _main_clause(self, tokens, start + 1))
+
+    def after_marks(self, start: int) -> int:
+        """Return the first word from a word on that is no mark."""
+        return next((k for k in range(start, len(self.words)) if self.words[k] not in _MARKS), len(self.words))
+
+    def tokens_of(self, tokens: Sequence[Token], start: int, end: int) -> list[Token]:
+        """Return the tokens of the words from one to another; none if there are no words between."""
+        if start >= end:
+            return []
+        first, last = self.spans[start][0], self.spans[end - 1][1]
+        return [token for token in tokens if first <= token.start < last]
 
     def is_case(self, begin: int, end: int) -> bool:
         """Return whether what follows a clause is for the case that it tells: "but if X, Y", "X, in which case Y"."""
-        after = next((k for k in range(end, len(self.words)) if self.words[k] not in MARKS), len(self.words))
-        contrasts = begin > 0 and self.words[begin - 1] in (*MARKS, "but", "and")
+        after = self.after_marks(end)
+        contrasts = begin > 0 and self.words[begin - 1] in (*_MARKS, "but", "and")
         return bool(self.end_of("case", after)) or (contrasts and self.words[begin] != "unless")
 
     def count_joints(self) -> int:
@@ -133,8 +143,8 @@ def as_condition(text: str) -> str:
         text: the normalised text.
     """
     words = Words.of(text)
-    end = next((k for k, word in enumerate(words.words) if word in MARKS), 0)
-    rest = next((k for k in range(end, len(words.words)) if words.words[k] not in MARKS), len(words.words))
+    end = next((k for k, word in enumerate(words.words) if word in _MARKS), 0)
+    rest = words.after_marks(end)
     so, not_so = words.end_of("so", rest), words.end_of("notso", rest)
     if not (so or not_so):
         return ""
@@ -174,7 +184,7 @@ def _at_otherwise(words: Words) -> Iterator[tuple[str, str]]:
         end = words.end_of("otherwise", i)
         if not end and (alone := words.end_of("between", i)):
             beside = (*words.words[max(i - 1, 0) : i], *words.words[alone : alone + 1])
-            end = alone if i == 0 or not set(beside).isdisjoint(MARKS) else 0
+            end = alone if i == 0 or not set(beside).isdisjoint(_MARKS) else 0
         if end and end < len(words.words):
             yield words.part(0, i), words.rest(end)
             return
@@ -185,7 +195,7 @@ def _at_condition(words: Words, tokens: Sequence[Token]) -> Iterator[tuple[str, 
     for i, _ in enumerate(words.words):
         begin = words.end_of("if", i)
         for kind in ("unable", "hindered") if begin else ():
-            limit = next((k for k in range(begin, len(words.words)) if words.words[k] in MARKS), len(words.words))
+            limit = next((k for k in range(begin, len(words.words)) if words.words[k] in _MARKS), len(words.words))
             matched = ((k, words.end_of(kind, k)) for k in range(begin, limit))
             start, end = next(((k, end) for k, end in matched if end), (0, 0))
             if not end or (kind == "unable" and not _verb_at(tokens, words.spans, end)):
@@ -203,11 +213,7 @@ def _at_condition(words: Words, tokens: Sequence[Token]) -> Iterator[tuple[str, 
 
 def _tells_place(words: Words, tokens: Sequence[Token], *parts: tuple[int, int]) -> bool:
     """Return whether a part of a condition begins with a place, or names a gap: not "if the road is blocked"."""
-    told = [
-        [token for token in tokens if words.spans[start][0] <= token.start < words.spans[end - 1][1]]
-        for start, end in parts
-        if start < end
-    ]
+    told = [words.tokens_of(tokens, start, end) for start, end in parts if start < end]
     named = any(token.category is WordCategory.SPOT for part in told for token in part)
     return named or (bool(told) and bool(told[-1]) and told[-1][0].category in _PLACES)
 

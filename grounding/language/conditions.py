@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Literal, NamedTuple
 
-from grounding.language.alternatives import MARKS, MAX_JOINTS, Words, tells_room
+from grounding.language.alternatives import MAX_JOINTS, Words, tells_room
 from grounding.language.reading import Reading
 from grounding.language.syntax.lexicon import Lexicon
 from grounding.language.syntax.tagging.tagger import tag
@@ -58,7 +58,7 @@ def split_condition(text: str, tokens: Sequence[Token]) -> Condition | None:
     start, before = words.end_of("if", begin), words.part(0, begin)
     end = words.clause_end(tokens, start)
     clause = words.part(start, end)
-    if before and (after := _otherwise(words, end)) and tells_event(tokens_within(tokens, words, start, end)):
+    if before and (after := _otherwise(words, end)) and _tells_event(words.tokens_of(tokens, start, end)):
         return Condition(clause, before, words.rest(after))  # "overtake it if nobody comes, otherwise stay behind"
     if before:  # "wait behind it unless it leaves, in which case follow it"
         then = words.rest(end)
@@ -75,7 +75,7 @@ def split_condition(text: str, tokens: Sequence[Token]) -> Condition | None:
 
 def _otherwise(words: Words, start: int) -> int:
     """Return the word at which the other case of a clause that ends at a word begins; 0 without one."""
-    after = next((k for k in range(start, len(words.words)) if words.words[k] not in MARKS), len(words.words))
+    after = words.after_marks(start)
     return words.end_of("otherwise", after) or words.end_of("between", after)
 
 
@@ -88,31 +88,25 @@ def with_reaction(reading: Reading, text: str, tokens: Sequence[Token], read: Ca
         tokens: its tagged tokens.
         read: reads a part of the text.
     """
+    if reading.query.action not in _REACTIONS:
+        return reading
     words = Words.of(text)
     begin = next((i for i, word in enumerate(words.words) if word != "unless" and words.end_of("if", i)), None)
-    if reading.condition or reading.otherwise or begin is None or reading.query.action not in _REACTIONS:
+    if begin is None:
         return reading
     start, before = words.end_of("if", begin), words.part(0, begin)
     end = words.clause_end(tokens, start)
-    command = before or words.part(end)
-    if not command or (before and words.part(end)) or not tells_event(tokens_within(tokens, words, start, end)):
+    after = words.part(end)
+    if bool(before) == bool(after) or not _tells_event(words.tokens_of(tokens, start, end)):
         return reading
-    reaction = read(command)
+    reaction = read(before or after)
     placed = reaction.query.referent or reaction.query.relation != "none" or reaction.query.secondary
     if placed or not reaction.is_plain or reaction.query.action != reading.query.action or len(reaction.steps) > 1:
         return reading
     return replace(reading, condition=words.part(start, end), dropped=(), doubt="", doubtful=(), notes=())
 
 
-def tokens_within(tokens: Sequence[Token], words: Words, start: int, end: int) -> list[Token]:
-    """Return the tokens of the words from `start` to `end`; none if a sentence ends at "if"."""
-    if start >= end:
-        return []
-    first, last = words.spans[start][0], words.spans[end - 1][1]
-    return [token for token in tokens if first <= token.start < last]
-
-
-def tells_event(tokens: Sequence[Token]) -> bool:
+def _tells_event(tokens: Sequence[Token]) -> bool:
     """Return whether a clause tells what others may do: "a child runs out"; not what is now, nor what we do."""
     if not tokens or tokens[0].category is WordCategory.EGO or any(one.category in _COPULAS for one in tokens):
         return False

@@ -35,7 +35,8 @@ class Reading:
         corrections: words as written and as read, where they differ.
         revised: (field, value of the grammar, value now) of each field that the reader network changed.
         otherwise: the command that counts where the scene has no place for this one; None without one.
-        condition: the case in which this command counts and `otherwise` does not; '' without a condition.
+        condition: the case in which this command counts and `otherwise` does not; without `otherwise`, the event to
+            which it is the reaction; '' without a condition.
         motion: whether the vehicle of the condition has to move or to stand; '' for another condition.
         prefers_nearer: whether the nearer place of both is asked for: "whichever is closer".
     """

@@ -58,7 +58,7 @@ def _take_next_gap(talk: Conversation, text: str, request: Request) -> Answer | 
     measured = query.referent is not None or query.secondary
     if query.action not in _AT_EDGE or measured or road is None or goal is None or goal.target is None:
         return None
-    side = query.on_side(road.traffic_side).goal_side or ("right" if road.traffic_side > 0 else "left")
+    side = query.on_side(road.traffic_side).goal_side or "right"  # as it is proposed
     counted = replace(query, count=gap_number(road, side, goal.target.cell) + 1)
     moved = Request(reading=said(request.reading.with_query(counted), text))
     steps = talk.state.with_request(moved)
