@@ -14,6 +14,7 @@ from grounding.cases import await_event, choose_case, choose_place
 from grounding.confidence import confidence_of, gather_evidence, is_worth_acting
 from grounding.describe import describe_object, describe_step, with_article
 from grounding.goal.at_landmark import landmark_of
+from grounding.goal.exclusions import ExcludedPlace, resolve_exclusions
 from grounding.goal.planner import GoalPlan, plan_place, with_nearest
 from grounding.goal.proposals import explain_refusal
 from grounding.goal.second_best import plan_with_second_best
@@ -27,14 +28,12 @@ from grounding.referent.resolver import (
     Resolution,
     resolve,
     resolve_after_turn,
-    resolve_exclusions,
     with_partner,
 )
 from grounding.referent.scene import SceneModel
 from grounding.requests import Request, after_passing, after_turns, requests_of, without_referent
 from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
-from grounding.scene_object import SceneObject
 
 # Log scores of readings without a referent and without a goal: these rank below all others.
 _NO_REFERENT_SCORE, _NO_GOAL_SCORE = -200.0, -100.0
@@ -327,7 +326,7 @@ def _plan(
     scene: SceneModel,
     road: RoadMap,
     candidate: Candidate | None,
-    exclusions: Sequence[tuple[str, SceneObject]],
+    exclusions: Sequence[ExcludedPlace],
     start: Pose2D | None,
 ) -> GoalPlan:
     query = request.query
@@ -355,7 +354,7 @@ def _others_with_room(
     resolution: Resolution,
     scene: SceneModel,
     road: RoadMap,
-    exclusions: Sequence[tuple[str, SceneObject]],
+    exclusions: Sequence[ExcludedPlace],
     start: Pose2D | None,
 ) -> tuple[Candidate, ...]:
     """Return the next candidates of a definite referent ("the blue car") at which the command has a place."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any, Literal
 
-from grounding.vocabulary import Action, Manoeuvre, Pace, Relation, Trigger
+from grounding.vocabulary import LANDMARK_KINDS, Action, Manoeuvre, Pace, Relation, Trigger
 
 # Relations of landmarks and exclusions, in addition to those of the goal.
 Placement = Literal["in", "into", "on", "until", "around"]
@@ -215,12 +215,27 @@ class Query:
     sought: Referent | None = None
     road_side: RoadSide | None = None
 
+    @classmethod
+    def short_of(cls, command: str, passed: Exclusion) -> Query:
+        """Return the query of a stop short of what is not to be passed."""
+        stop = cls(command, "stop", ("stop",), "before", excluded=(replace(passed, relation="past"),))
+        if passed.noun in LANDMARK_KINDS:
+            return replace(stop, landmark="secondary", secondary=(Landmark(passed.noun, "before"),))
+        named = Referent(passed.noun, passed.noun, passed.colour, passed.qualifiers)
+        return replace(stop, landmark="referent", referent=named)
+
     def on_side(self, traffic_side: int) -> Query:
         """Return the query with its side as left or right, where traffic drives on the right (1) or left (-1)."""
         if self.road_side is None or self.goal_side is not None:
             return self
         right = (self.road_side == "kerb") == (traffic_side > 0)
         return replace(self, goal_side="right" if right else "left")
+
+    @property
+    def limit(self) -> Exclusion | None:
+        """What is not to be passed, if the command asks only for that: "no further than the van"."""
+        passed = next((one for one in self.excluded if one.relation == "past"), None)
+        return passed if self.action == "stop" and self.relation == "before" else None
 
     @property
     def pace(self) -> Pace | None:

@@ -47,6 +47,7 @@ from grounding.dialogue.places.shifts import (
     BIT_M,
     change_distance,
     move_elsewhere,
+    move_in_lane,
     scale_distance,
     shift_from_named,
     shift_last,
@@ -261,7 +262,7 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
         moved = shift_from_named(talk, text, reply)
         return moved or shift_last(talk, text, Shift(turn.shift, turn.distance_m or BIT_M))
     if act in ("more", "less"):
-        return shift_more(talk, text, 1.0 if act == "more" else -1.0, turn.distance_m or BIT_M)
+        return shift_more(talk, text, 1.0 if act == "more" else -1.0, turn.distance_m)
     if act in ("describe", "place"):
         return answer_fragment(talk, text, reply, turn) or (ask_again(talk, text) if state.question else None)
     if act == "drop":
@@ -344,6 +345,8 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
     then = then and not _INSTEAD.search(text)
     if then and turn is not None and turn.act == "then" and turn.is_certain and reply.rest:
         return answer_command(talk, text, reply.rest, then=True, turn=turn)
+    if moved := move_in_lane(talk, text, reply):
+        return moved
     if talk.is_opening and reply.shift and not talk.readings(text)[0].problem:
         return answer_command(talk, text, text)  # "forward ten metres": there is no goal yet that it may move
     if answer := _answer_reply(talk, text, reply):

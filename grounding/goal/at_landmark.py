@@ -21,8 +21,8 @@ from grounding.vocabulary import LANDMARK_KINDS, ORDINALS
 _GAP_M, _PARKED_GAP_M = 1.0, 3.0
 # A place short of a landmark may be this much farther from it, as in a queue; one past it too.
 _QUEUE_M, _ON_M = 15.0, 12.0
-# What is not to be near a landmark is this far from it.
-_CLEAR_M = 5.0
+# What is not to be near something is this far from it.
+CLEAR_M = 5.0
 # Our front may be over the near side of a landmark by this.
 _OVER_M = 0.5
 _PAST = ("past", "opposite")
@@ -91,7 +91,7 @@ def keep_clear(query: Query, road: RoadMap) -> list[tuple[str, BoolArray]]:
         kind = LANDMARK_KINDS.get(part.noun, "")
         if part.relation is None or not road.landmarks.knows(kind):
             continue
-        clear_m = 0.0 if part.relation in _INSIDE else part.distance_m or _CLEAR_M
+        clear_m = 0.0 if part.relation in _INSIDE else part.distance_m or CLEAR_M
         reach_m = clear_m + road.ego.length_m / 2 + road.grid.cell_m
         away_m = road.landmarks.distance_field_m(road.grid, kind)
         where = f"less than {clear_m:.0f} m from" if clear_m else "on"

@@ -8,12 +8,13 @@ from functools import cached_property
 
 import numpy as np
 
-from appocc.checks import BoolArray, FloatArray
+from appocc.checks import FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import footprints, wrap_angle
 from appocc.motion_state import DRIVING_MPS, MOVING_MPS
 from grounding.goal.at_landmark import keep_clear
 from grounding.goal.candidates import CandidateSet, GoalCandidate
+from grounding.goal.exclusions import ExcludedPlace, excluded_cells
 from grounding.goal.limits import (
     AGAINST_TRAFFIC,
     BEHIND_US,
@@ -25,7 +26,7 @@ from grounding.goal.limits import (
     reversing_cost,
     standing_cost,
 )
-from grounding.goal.proposals import explain_refusal, is_in_our_way, propose_candidates, propose_relation
+from grounding.goal.proposals import explain_refusal, is_in_our_way, propose_candidates
 from grounding.goal.search import LEAVES_ROAD, CandidateSearch
 from grounding.goal.traffic import (
     TOWARDS,
@@ -156,14 +157,14 @@ def plan_goal(
     road: RoadMap,
     item: SceneObject | None = None,
     partner: SceneObject | None = None,
-    forbidden: Sequence[tuple[str, SceneObject]] = (),
+    excluded: Sequence[ExcludedPlace] = (),
     start: Pose2D | None = None,
 ) -> GoalPlan:
     """Return the goal that a command asks for, or the nearest place; of a command without a place, speed or state.
 
     Arguments as for `plan_place`.
     """
-    return with_nearest(plan_place(query, scene, road, item, partner, forbidden, start))
+    return with_nearest(plan_place(query, scene, road, item, partner, excluded, start))
 
 
 def with_nearest(plan: GoalPlan) -> GoalPlan:
@@ -186,7 +187,7 @@ def plan_place(
     road: RoadMap,
     item: SceneObject | None = None,
     partner: SceneObject | None = None,
-    forbidden: Sequence[tuple[str, SceneObject]] = (),
+    excluded: Sequence[ExcludedPlace] = (),
     start: Pose2D | None = None,
 ) -> GoalPlan:
     """Return the goal that a command asks for; where there is none, `with_nearest` adds the nearest place.
@@ -197,7 +198,7 @@ def plan_place(
         road: the road map of that scene.
         item: reference vehicle of the relation, None if the command names none.
         partner: second vehicle of "between".
-        forbidden: relations to vehicles that the goal must not have.
+        excluded: places that are ruled out.
         start: pose of the ego when it begins; None: where it is now.
     """
     if query.pace is not None:
@@ -224,7 +225,7 @@ def plan_place(
         return GoalPlan(None, (reason,), question=_LET_PASS, instead="give_way", refused=True)
     if item is not None and is_followed(query, item, road):
         following = replace(query, action="follow", relation="none")
-        plan = plan_place(following, scene, road, item, forbidden=forbidden)
+        plan = plan_place(following, scene, road, item, excluded=excluded)
         return replace(plan, reasons=(f"it {how_it_moves(item)}: we follow it until it stands", *plan.reasons))
     if item is not None and is_caught_up_with(query, item, road):
         query = replace(query, relation="behind", landmark="referent")
@@ -254,12 +255,12 @@ def plan_place(
     candidate_sets = [_with_costs(each, query, limits, road) for each in proposed]
     references = [one for one in (item, partner) if one]
     kept_clear = keep_clear(query, road)
-    excluded = _excluded_cells(forbidden, road, [cells for _, cells in kept_clear])
+    ruled_out = excluded_cells(excluded, road, [cells for _, cells in kept_clear])
     reasons = [*reasons, *(words for words, _ in kept_clear)]
-    search = CandidateSearch(candidate_sets, scene, road, references, excluded, limits)
+    search = CandidateSearch(candidate_sets, scene, road, references, ruled_out, limits)
     best, way = search.find_reachable(1 + _RUNNERS_UP)
     if not best and (later := road.after_traffic(references, item is None)) is not None:
-        again = CandidateSearch(candidate_sets, scene, later, references, excluded, limits)
+        again = CandidateSearch(candidate_sets, scene, later, references, ruled_out, limits)
         best, way = again.find_reachable(1 + _RUNNERS_UP)
         if best:
             search = again
@@ -305,21 +306,6 @@ def _with_costs(candidates: CandidateSet, query: Query, limits: PlaceLimits, roa
     standing = standing_cost(query, road, found.cells, found.heading_rad)
     reversing = reversing_cost(limits, road, found.cells, found.heading_rad)
     return replace(found, cost=found.cost + standing + reversing)
-
-
-def _excluded_cells(
-    forbidden: Sequence[tuple[str, SceneObject]], road: RoadMap, kept_clear: Sequence[BoolArray]
-) -> BoolArray | None:
-    """Return the cells (X, Y) in forbidden relations, and others to keep clear; None without any."""
-    if not (forbidden or kept_clear):
-        return None
-    excluded = np.zeros(road.grid.shape, np.bool_)
-    for cells in kept_clear:
-        excluded |= cells
-    for relation, item in forbidden:
-        for candidates in propose_relation(relation, Query("", "stop"), road, item)[0]:
-            excluded[tuple(candidates.cells.T)] = True
-    return excluded
 
 
 def to_target(candidate: GoalCandidate, scene: SceneModel, road: RoadMap, score: float | None = None) -> Target:

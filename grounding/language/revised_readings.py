@@ -51,8 +51,8 @@ def evidence_of(reading: Reading) -> Evidence:
 
 
 def _negates(token: Token) -> bool:
-    """Return whether a word negates, excepts or corrects something: "not", "not far from"."""
-    return token.category in POLARITY or "not" in token.text.split()
+    """Return whether a word negates, excepts or corrects something: "not", "not far from", "no further than"."""
+    return token.category in POLARITY or not {"no", "not"}.isdisjoint(token.text.split())
 
 
 def _stops_doing(token: Token, following: Token) -> bool:

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from grounding.query import Landmark, LandmarkRelation, Query, Referent
+from grounding.query import Landmark, Query, Referent
 from grounding.referent.choice_reasons import DOUBTFUL_FIT, explain_choice, explain_nearer, explain_too_few
 from grounding.referent.clarification import compose_question, describe_differences, describe_one
 from grounding.referent.doubts import fits_badly, lacks_class, question_about
@@ -253,17 +253,6 @@ def _ask_antecedent(query: Query, scene: SceneModel, limit: int) -> Resolution:
         return Resolution("ambiguous", candidates, (reason,), f"do you mean {described}?", (described,))
     asked = _ambiguous(any_vehicle, candidates, len(candidates), scene, scores)
     return replace(asked, reasons=(reason,))
-
-
-def resolve_exclusions(query: Query, scene: SceneModel) -> tuple[tuple[LandmarkRelation, SceneObject], ...]:
-    """Return the excluded goals of a query: relations and the vehicles that they refer to."""
-    excluded: list[tuple[LandmarkRelation, SceneObject]] = []
-    for part in query.excluded:
-        if part.relation is not None and part.noun in KNOWN_NOUNS and len(scene.table):
-            scores = score_objects(Query(""), to_referent(part), scene)
-            meant = scores.matches & (scores.probability >= scores.probability.max() / 3)
-            excluded += [(part.relation, scene.table.items[i]) for i in np.flatnonzero(meant).tolist()]
-    return tuple(excluded)
 
 
 def _explain_absence(referent: Referent, scene: SceneModel) -> str:

@@ -8,6 +8,7 @@ from grounding.dialogue.commands import keep_clear
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import begins_with_place, complete, is_understood, names_pronoun
 from grounding.dialogue.merging import merge_request
+from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.telling.reports import inform
 from grounding.language import WordCategory
 from grounding.language.replies import words_after_opening, words_end
@@ -17,6 +18,8 @@ from grounding.vocabulary import KNOWN_NOUNS, LANDMARK_KINDS, Relation
 
 # Words of turns that say more than one thing, or until when.
 _JOINED = frozenset((*MARKS, "and", "until", "till"))
+# A stop short of something leaves at most this gap to it.
+_STOP_GAP_M = 2.0
 # Categories of words for what stands beside the road, or is a part of it.
 _THINGS = (WordCategory.THING, WordCategory.REGION)
 
@@ -29,6 +32,8 @@ def answer_exclusion(talk: Conversation, text: str) -> Answer | None:
         return None
     if named := _hindered(talk, words):
         return keep_clear(talk, text, " ".join(named))
+    if limited := _limited(talk, text, words):
+        return limited
     if (refused := _refused_place(talk, words, state.request)) is not None:
         told = "say where else" if refused == state.request.query.relation else "it is not there"
         return inform(talk, text, f"the goal stays as it is: {told}")
@@ -39,6 +44,21 @@ def answer_exclusion(talk: Conversation, text: str) -> Answer | None:
     if unknown:
         return inform(talk, text, f"no {unknown[0]} is known here: the goal stays as it is")
     return talk.take(state.with_request(merge_request(state.request, Query(text, excluded=excluded))))
+
+
+def _limited(talk: Conversation, text: str, words: Words) -> Answer | None:
+    """Keep a goal that is not beyond what a turn forbids to pass, else stop short of that; None for other turns."""
+    reading, goal, road = talk.read(" ".join(words)), talk.state.goal, talk.scene.road
+    if reading.query.limit is None or not is_understood(reading) or goal is None or road is None:
+        return None
+    meant = talk.meant if names_pronoun(reading) else None
+    step = Request(reading=said(reading, text), chosen=meant)
+    short = talk.answer_steps([step]).target
+    if short is not None and goal.target is not None:
+        ours_m, limit_m = (road.ego_lane.project(one.ego_m)[0] for one in (goal.target, short))
+        if ours_m <= limit_m + _STOP_GAP_M:
+            return inform(talk, text, "the goal stays as it is: it is not beyond that")
+    return talk.take([step])
 
 
 def _hindered(talk: Conversation, words: Words) -> Words:

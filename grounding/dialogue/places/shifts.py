@@ -18,11 +18,12 @@ from grounding.goal.shift import Shift
 from grounding.language.replies import Reply
 from grounding.query import Query
 from grounding.referent.resolver import resolve
+from grounding.requests import requests_of
 from grounding.road.lane_model import LANE_M
 from grounding.vocabulary import LANDMARK_KINDS, ShiftDirection
 
-# Distance of "a bit", and distances to another place than the goal.
-BIT_M = 2.0
+# Distance of "a bit", the same across our lane, and distances to another place than the goal.
+BIT_M, _ASIDE_M = 2.0, 0.5
 _ELSEWHERE_M = (6.0, 12.0, 18.0, 24.0)
 # The opposite of each shift.
 _OPPOSITE: dict[ShiftDirection, ShiftDirection] = {
@@ -87,6 +88,35 @@ def shift_from_named(talk: Conversation, text: str, reply: Reply) -> Answer | No
     return shift_last(talk, text, Shift(toward if direction == "near" else _OPPOSITE[toward], distance_m))
 
 
+def move_in_lane(talk: Conversation, text: str, reply: Reply) -> Answer | None:
+    """Drive on in our lane a little to one side: "keep left a touch" without a goal; None for other turns.
+
+    "A bit closer to the kerb" is one, and "move left" a change of lane.
+    """
+    aside = reply.shift in ("leftwards", "rightwards")
+    if not talk.is_opening or not (aside or reply.rest.startswith(("to ", "from "))):
+        return None
+    before = talk.state
+    steps = requests_of(talk.readings("carry on")[0])
+    if talk.take(steps).status == "ok":
+        shift = reply.shift and Shift(reply.shift, reply.distance_m or _ASIDE_M)
+        moved = shift_last(talk, text, shift) if shift else _shift_from_kerb(talk, text, reply)
+        if moved is not None and talk.state.plan[-1].shifts:
+            return moved
+    talk.state = before
+    return None
+
+
+def _shift_from_kerb(talk: Conversation, text: str, reply: Reply) -> Answer | None:
+    """Move the goal in force towards the kerb or away from it; None where no kerb is named."""
+    named = talk.readings(f"stop at {reply.rest.partition(' ')[2]}")[0].query
+    toward = _direction_to_part_of_road(talk, named) if named.road_side == "kerb" else None
+    if toward is None or reply.leading_shift not in ("near", "away"):
+        return None
+    direction = toward if reply.leading_shift == "near" else _OPPOSITE[toward]
+    return shift_last(talk, text, Shift(direction, reply.distance_m or _ASIDE_M))
+
+
 def _direction_to_part_of_road(talk: Conversation, named: Query) -> ShiftDirection | None:
     """Return where a landmark of the road, or the kerb, lies from the goal in force; None if a query names none."""
     target, road = talk.state.goal.target if talk.state.goal else None, talk.scene.road
@@ -105,16 +135,20 @@ def _direction_to_part_of_road(talk: Conversation, named: Query) -> ShiftDirecti
     return "ahead" if (nearest.near_m > along_m) == with_us else "back"
 
 
-def shift_more(talk: Conversation, text: str, sign: float, distance_m: float = BIT_M) -> Answer:
-    """Enlarge or reduce the last shift, else the distance to the vehicle of the last command, else along our way."""
+def shift_more(talk: Conversation, text: str, sign: float, distance_m: float | None = None) -> Answer:
+    """Enlarge or reduce the last shift, else the distance to the vehicle of the last command, else along our way.
+
+    Without a distance it is a bit: no more than the last shift.
+    """
     request = talk.state.request
     backs = request is not None and request.query.manoeuvre == "back"
     direction: ShiftDirection = "back" if backs else "ahead"
     if request is not None and request.shifts:
         direction = request.shifts[-1].direction
+        distance_m = distance_m or min(request.shifts[-1].distance_m, BIT_M)
     elif request is not None and request.query.landmark == "referent":
         direction = "away"
-    return shift_last(talk, text, Shift(direction if sign > 0 else _OPPOSITE[direction], distance_m))
+    return shift_last(talk, text, Shift(direction if sign > 0 else _OPPOSITE[direction], distance_m or BIT_M))
 
 
 def change_distance(talk: Conversation, text: str, distance_m: float) -> Answer:

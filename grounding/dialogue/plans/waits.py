@@ -22,7 +22,7 @@ from grounding.language import Reading, WordCategory
 from grounding.language.conditions import tells_cases
 from grounding.language.questions import asks_car
 from grounding.language.replies import words_after_opening, words_end
-from grounding.query import Exclusion, Landmark, Query, Referent
+from grounding.query import Query
 from grounding.requests import STOPS, Request, requests_of
 from grounding.vocabulary import LANDMARK_KINDS
 
@@ -32,8 +32,6 @@ _SHORT = ("'s", "'re")
 _PASSED = ("has", "passed")
 # Pronouns of those in the car.
 _OURSELVES = ("i", "we", "you", "us", "me")
-# What is not to be passed, by its relation in the exclusion of a command: "don't go past it", "don't cross it".
-_NOT_PASSED = ("past", None)
 # Words that tell an event, and the most of them in a turn: for each of them both sides are read.
 _AWAITING, _MAX_JOINTS = ("awaited", "till", "supposed"), 4
 # We are at a place that is nearer than this.
@@ -264,26 +262,16 @@ def _hold(talk: Conversation, text: str, words: Words) -> Answer | None:
         return None
     reading = talk.read(" ".join(words[:end]))
     query = reading.query
-    if query.action not in HOLDING or not is_understood(reading):
+    if (query.action not in HOLDING and query.limit is None) or not is_understood(reading):
         return None
-    passed = [one for one in query.excluded if one.relation in _NOT_PASSED and one.noun in LANDMARK_KINDS]
-    passed = passed or [one for one in query.excluded if one.relation == "past"]
-    places = [_short_of(text, one) for one in passed] or ([query] if query.relation != "none" else [])
+    crossed = [one for one in query.excluded if one.relation is None and one.noun in LANDMARK_KINDS]
+    places = [Query.short_of(text, one) for one in crossed] or ([query] if query.relation != "none" else [])
     steps = [Request(reading=reading.with_query(one)) for one in (*places, Query(text, "wait", ("wait",)))]
     kept = () if _only_paces(talk.state.steps) else talk.state.steps
     stops = bool(kept) and kept[-1].query.action in STOPS
     if stops and not places and any(token.event == "leave" for token in reading.tokens):
         return talk.take((*kept, *steps))  # "don't set off until I say so": where the goal is
     return talk.take((*steps, *_without(kept, steps)))
-
-
-def _short_of(text: str, passed: Exclusion) -> Query:
-    """Return the query of a stop short of what is not to be passed."""
-    stop = Query(text, "stop", ("stop",), "before")
-    if passed.noun in LANDMARK_KINDS:
-        return replace(stop, landmark="secondary", secondary=(Landmark(passed.noun, "before"),))
-    named = Referent(passed.noun, passed.noun, passed.colour, passed.qualifiers)
-    return replace(stop, landmark="referent", referent=named)
 
 
 def _start(talk: Conversation, text: str, words: Words) -> Answer | None:

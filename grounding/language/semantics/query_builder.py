@@ -185,6 +185,9 @@ def _build_prohibition(text: str, discourse: Discourse, excluded: tuple[Exclusio
         return Query(command=text, action="wait", actions=("wait",), landmark="referent", referent=named)
     excludes_place = any(one.relation not in (None, *NOT_SPATIAL) for one in excluded)
     action = cast(Action, "wait" if actions[-1] == "other" else actions[-1] if excludes_place else "other")
+    limit = next((one for one in excluded if one.relation == "past"), None)
+    if limit is not None and action == "wait" and all(one.event is None for one in discourse.frames):
+        return Query.short_of(text, limit)  # "don't go past the van"
     # "Don't let it merge" has a target.
     frame = next((one for one in reversed(discourse.frames) if one.target is not None), None)
     phrase = None if frame is None or frame.target is None else resolve_anaphor(discourse, frame.target)

@@ -52,6 +52,7 @@ _JOINTS = (*_MARKS, WordCategory.AND, WordCategory.THEN)
 # Categories of places at something, and relations that are none.
 _PLACES = (WordCategory.RELATION, WordCategory.BETWEEN)
 _AS_PLACES = ("after", "before")
+_LIMITING = ("no", "not")
 _ANYWHERE = ("anywhere", "everywhere")
 _WEAK = ("in", "into", "on", "along", "with", "for")
 # Categories of what a place may be at, and words that praise it.
@@ -103,7 +104,8 @@ def complete_fragment(tagged: Sequence[Token], verb: str = "") -> Sequence[Token
     place = place or (first.category is WordCategory.SUB and first.value in _AS_PLACES)
     sided = first.category in (WordCategory.SIDE, WordCategory.WHERE)  # "left side, after the bus"
     place = place or (sided and any(token.category in (WordCategory.RELATION, WordCategory.SUB) for token in rest))
-    return [_verb_before(first, "park"), *tagged] if place else tagged
+    verb = "stop" if begins.text.split()[0] in _LIMITING else "park"  # "no further than the van"
+    return [_verb_before(first, verb), *tagged] if place else tagged
 
 
 def split_run_ons(tagged: Sequence[Token]) -> Iterator[list[Token]]:

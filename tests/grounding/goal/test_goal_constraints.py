@@ -18,6 +18,7 @@ from street import BLACK, EGO, RED, Street
 
 from appocc.bevmap import ROAD
 from appocc.grid import BEVGrid
+from grounding.goal.exclusions import ExcludedPlace
 from grounding.goal.planner import plan_goal
 from grounding.query import Query
 from grounding.road.road_map import RoadMap
@@ -112,8 +113,8 @@ def test_cells_excluded_by_the_command() -> None:
     assert scene.bev is not None
     road = RoadMap.from_map(scene.bev, scene.objects, EGO)
     free = plan_goal(make_query("stop", "before"), scene, road, object_named(scene, "car"))
-    forbidden = [("next_to", object_named(scene, "other"))]
-    made = plan_goal(make_query("stop", "before"), scene, road, object_named(scene, "car"), forbidden=forbidden)
+    excluded = [ExcludedPlace("next_to", object_named(scene, "other"))]
+    made = plan_goal(make_query("stop", "before"), scene, road, object_named(scene, "car"), excluded=excluded)
     check_invariants(made, scene, road)
     assert is_near(target_of(free), 20 - LENGTHWISE_M - 2.0, 0)
     place = made.target or made.nearest

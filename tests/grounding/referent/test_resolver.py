@@ -7,7 +7,8 @@ from asking import ask, best, car, row
 from street import BLACK, BLUE, RED, SILVER, WHITE, Street
 
 from grounding.query import Exclusion, Landmark, Query, Referent
-from grounding.referent.resolver import resolve, resolve_exclusions
+from grounding.goal.exclusions import resolve_exclusions
+from grounding.referent.resolver import resolve
 
 
 @pytest.mark.parametrize(
@@ -216,7 +217,7 @@ def test_an_excluded_order_excludes_the_vehicle_in_that_place(word: str, meant: 
 def test_an_exclusion_applies_to_all_plausible_vehicles() -> None:
     scene = Street().car("red", 14, -6, RED).car("reddish", 14, 6, REDDISH).car("white", 24, 6, WHITE).scene()
     query = Query("", excluded=(Exclusion("behind", "car", "red"),))
-    assert [(relation, item.id) for relation, item in resolve_exclusions(query, scene)] == [
+    assert [(one.relation, one.item.id) for one in resolve_exclusions(query, scene)] == [
         ("behind", "red"),
         ("behind", "reddish"),
     ]

@@ -10,7 +10,8 @@ from asking import SIZES_WLH_M, VAN_WLH_M, best, car, row
 from street import BLACK, BLUE, RED, WHITE, Street
 
 from grounding.query import Exclusion, Landmark, LandmarkRelation, Query, Referent
-from grounding.referent.resolver import resolve, resolve_exclusions
+from grounding.goal.exclusions import resolve_exclusions
+from grounding.referent.resolver import resolve
 from grounding.referent.scene import SceneModel
 
 
@@ -82,9 +83,9 @@ def test_excluded_vehicles_are_not_referents() -> None:
 def test_excluded_relations_and_their_vehicles() -> None:
     scene = row().scene()
     query = Query("", excluded=(Exclusion("next_to", "car", "blue"), Exclusion(None, "car"), Exclusion("on", "lawn")))
-    assert [(relation, item.id) for relation, item in resolve_exclusions(query, scene)] == [("next_to", "r3")]
+    assert [(one.relation, one.item.id) for one in resolve_exclusions(query, scene)] == [("next_to", "r3")]
     white = Query("", excluded=(Exclusion("behind", "car", "white"),))
-    assert {item.id for _, item in resolve_exclusions(white, scene)} == {"r2", "r4"}
+    assert {one.item.id for one in resolve_exclusions(white, scene)} == {"r2", "r4"}
     assert resolve_exclusions(white, Street().scene()) == ()
 
 

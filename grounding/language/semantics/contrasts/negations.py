@@ -46,6 +46,11 @@ def negate_place(tokens: list[Token], match: re.Match[str]) -> list[Token]:
     return [comma(relation[0]), negation[0].with_category(WordCategory.NOT), *relation, *named]
 
 
+def measure_from(tokens: list[Token], match: re.Match[str]) -> list[Token]:
+    """Rewrite "six feet away from" to "six feet near": the distance tells how far."""
+    return [tokens[match.start()].with_category(WordCategory.RELATION, "near")]
+
+
 def negate_nearness(tokens: list[Token], match: re.Match[str]) -> list[Token]:
     """Rewrite "far from the bus" to ", not near the bus"."""
     far, noun = span(tokens, match, "far"), span(tokens, match, "noun")

@@ -22,6 +22,7 @@ from grounding.language.semantics.contrasts.letters import END, NOUN, PLACE, WHO
 from grounding.language.semantics.contrasts.negations import (
     end_negation,
     is_ending,
+    measure_from,
     negate_ended,
     negate_modifier,
     negate_nearness,
@@ -93,6 +94,7 @@ _RULES: tuple[tuple[re.Pattern[str], Rewrite], ...] = (
     (re.compile(r"N(?P<verb>v)k?[,.]+(?=v)"), drop_prohibition),
     (re.compile(r"(?<![NM])m,?(?P<not>N)m(?:(?=[,.ho]|$)|,(?=[ho]))"), choose_modifier),
     (re.compile(r"Nvr"), end_negation),
+    (re.compile(r"(?<=x)F"), measure_from),
     (re.compile(rf"(?P<far>F)(?P<noun>{WHOLE_NOUN})"), negate_nearness),
     (re.compile(r"(?P<relation>r)(?P<not>N)(?P<noun>[mn]*h)"), negate_place),
     (re.compile(rf"(?P<relation>r)(?P<not>E)(?P<noun>{NOUN})"), negate_place),
