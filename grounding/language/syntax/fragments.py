@@ -52,7 +52,6 @@ _JOINTS = (*_MARKS, WordCategory.AND, WordCategory.THEN)
 # Categories of places at something, and relations that are none.
 _PLACES = (WordCategory.RELATION, WordCategory.BETWEEN)
 _AS_PLACES = ("after", "before")
-_LIMITING = ("no", "not")
 _ANYWHERE = ("anywhere", "everywhere")
 _WEAK = ("in", "into", "on", "along", "with", "for")
 # Categories of what a place may be at, and words that praise it.
@@ -97,6 +96,9 @@ def complete_fragment(tagged: Sequence[Token], verb: str = "") -> Sequence[Token
     near = [token.category for token in words[:2]] == [WordCategory.NOT, WordCategory.RELATION]
     if near and words[0].start == words[1].start:
         return [_verb_before(first, "avoid"), *words[2:]]  # "not so close to the bus"
+    passed = near and words[1].value == "past" and not any(token.category is WordCategory.VERB for token in rest)
+    if passed:
+        return [first, _verb_before(words[1], "go"), *words[1:]]  # "no further than the van"
     if any(token.category in _PREDICATES for token in words) or not any(token.category in HEADS for token in rest):
         return tagged
     begins = rest[0] if first.category is WordCategory.DISTANCE else first  # "two metres behind the bus"
@@ -104,8 +106,7 @@ def complete_fragment(tagged: Sequence[Token], verb: str = "") -> Sequence[Token
     place = place or (first.category is WordCategory.SUB and first.value in _AS_PLACES)
     sided = first.category in (WordCategory.SIDE, WordCategory.WHERE)  # "left side, after the bus"
     place = place or (sided and any(token.category in (WordCategory.RELATION, WordCategory.SUB) for token in rest))
-    verb = "stop" if begins.text.split()[0] in _LIMITING else "park"  # "no further than the van"
-    return [_verb_before(first, verb), *tagged] if place else tagged
+    return [_verb_before(first, "park"), *tagged] if place else tagged
 
 
 def split_run_ons(tagged: Sequence[Token]) -> Iterator[list[Token]]:

@@ -46,6 +46,21 @@ def negate_place(tokens: list[Token], match: re.Match[str]) -> list[Token]:
     return [comma(relation[0]), negation[0].with_category(WordCategory.NOT), *relation, *named]
 
 
+def stop_short(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
+    """Rewrite "stop no further than the van" to "stop before the van, not past it"."""
+    relation, negation, noun = (span(tokens, match, group) for group in ("relation", "not", "noun"))
+    if relation[0].value != "past":
+        return None
+    return [
+        relation[0].with_category(WordCategory.RELATION, "before"),
+        *noun,
+        comma(relation[0]),
+        *negation,
+        *relation,
+        *noun,
+    ]
+
+
 def measure_from(tokens: list[Token], match: re.Match[str]) -> list[Token]:
     """Rewrite "six feet away from" to "six feet near": the distance tells how far."""
     return [tokens[match.start()].with_category(WordCategory.RELATION, "near")]
