@@ -56,6 +56,7 @@ _AFTER_ADDRESS = frozenset(
         WordCategory.NONDRIVE,
     )
 )
+_COPULAS = (WordCategory.BE, WordCategory.QUESTION)
 # Possessives that no form of address begins with.
 _THEIRS = ("your", "his", "her", "its", "their", "the")
 _BEFORE_NAME = frozenset((WordCategory.POSSESSIVE, WordCategory.UNKNOWN, WordCategory.EXTRA))
@@ -92,7 +93,8 @@ class Asides:
     def _addresses(self, written: Sequence[str], i: int) -> Iterator[tuple[int, float]]:
         """Yield forms of address at the start and the end of a clause."""
         before = self._category(written, i - 1)
-        if before in _NEED_MORE:
+        absent = before is WordCategory.NOT and self._category(written, i - 2) in _COPULAS
+        if before in _NEED_MORE or absent:  # "where there are no people"
             return
         after_comma = before is WordCategory.COMMA
         greeted = (self._category(written, i - 2) if after_comma else before) is WordCategory.GREETING

@@ -14,11 +14,14 @@ from typing import NamedTuple
 from grounding.language.syntax.asides import Asides
 from grounding.language.syntax.lexicon import Lexicon
 from grounding.language.syntax.spelling import EXTRA_BLANK, SpellingCandidates
+from grounding.language.syntax.word_categories import WordCategory
 from grounding.language.syntax.word_model import BOUNDARY, WordModel, symbol
 
 _BEAM = 12
 # Fewest words of a phrase that is right as written.
 _LEAST_PHRASE = 4
+# Words between the numbers of an estimate.
+_BOUNDS = ("or", "to")
 # Most letters of a word that is spelled out.
 _MAX_SPELLED = 5
 
@@ -83,13 +86,19 @@ class Decoder:
         return list(best.values())[:most]
 
     def _right_as_written(self, written: Sequence[str]) -> set[int]:
-        """Return the words inside whole phrases of the lexicon: "tight to the kerb" is not "right to the kerb"."""
+        """Return the words inside whole phrases ("tight to the kerb" is not "right to ...") and between numbers."""
         right: set[int] = set()
         for i in range(len(written)):
             match = self._lexicon.longest_match(tuple(written), i)
             if match is not None and match[0] - i >= _LEAST_PHRASE:
                 right.update(range(i, match[0]))
+            if 0 < i < len(written) - 1 and written[i] in _BOUNDS:
+                right |= {i} if self._is_number(written[i - 1]) and self._is_number(written[i + 1]) else set()
         return right
+
+    def _is_number(self, word: str) -> bool:
+        match = self._lexicon.longest_match((word,), 0)
+        return word.isdigit() or (match is not None and match[1].category is WordCategory.NUMBER)
 
     def _edges(self, written: Sequence[str], i: int, right: bool) -> Iterator[tuple[int, tuple[str, ...], float]]:
         """Yield the edges from a written word, which may be right as written: end, words, cost."""

@@ -17,6 +17,7 @@ _COUNTED_FROM = ("behind", "in_front_of", "past", "before", "ahead")
 # Least and most of a number without a unit that is metres, and ends of the values of words before it.
 _METRES = (2.0, 100.0)
 _ONWARD = ("straight", "onward", "back")
+_OR, _UNITS = (WordCategory.OR, WordCategory.TO), (WordCategory.UNIT, WordCategory.TIME)
 _ENDS = (WordCategory.BREAK, WordCategory.COMMA, WordCategory.AND, WordCategory.THEN)
 
 
@@ -30,7 +31,16 @@ def read_number(tokens: Sequence[Token], start: int) -> tuple[int, float | None]
         if end + 1 < len(tokens) and tokens[end].category is WordCategory.AND:
             # "Two and a half", "a hundred and fifty".
             end += (number_at(tokens, end + 1) or 1000) < (100 if value >= 100 else 1)
+    if end > start and (most := _other_bound(tokens, end)) is not None:
+        return end + 2, (value + most) / 2
     return end, value if end > start else None
+
+
+def _other_bound(tokens: Sequence[Token], joint: int) -> float | None:
+    """Return the other number of an estimate: 3 of "two or three metres"; None without one."""
+    if joint + 2 >= len(tokens) or tokens[joint].category not in _OR or tokens[joint + 2].category not in _UNITS:
+        return None
+    return number_at(tokens, joint + 1)
 
 
 def number_at(tokens: Sequence[Token], i: int) -> float | None:

@@ -46,6 +46,17 @@ def negate_place(tokens: list[Token], match: re.Match[str]) -> list[Token]:
     return [comma(relation[0]), negation[0].with_category(WordCategory.NOT), *relation, *named]
 
 
+def negate_presence(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
+    """Rewrite "where there are no people" and "without people near" to ", not near people"."""
+    negation, noun, near = (span(tokens, match, group) for group in ("not", "noun", "near"))
+    first = tokens[match.start()]
+    exists = first.value == "at" and tokens[match.start() + 1].category is WordCategory.EXISTS
+    if not exists and (not near or near[0].value != "near" or first.value not in ("", "with")):
+        return None
+    where = replace(negation[0].with_category(WordCategory.RELATION, "near"), text="near")
+    return [comma(first), replace(negation[0].with_category(WordCategory.NOT), text="not"), where, *noun]
+
+
 def stop_short(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
     """Rewrite "stop no further than the van" to "stop before the van, not past it"."""
     relation, negation, noun = (span(tokens, match, group) for group in ("relation", "not", "noun"))

@@ -27,6 +27,7 @@ from grounding.language.semantics.contrasts.negations import (
     negate_modifier,
     negate_nearness,
     negate_place,
+    negate_presence,
     stop_short,
 )
 from grounding.language.semantics.contrasts.repairs import carry_out_repair
@@ -98,6 +99,8 @@ _RULES: tuple[tuple[re.Pattern[str], Rewrite], ...] = (
     (re.compile(r"(?<=x)F"), measure_from),
     (re.compile(rf"(?P<far>F)(?P<noun>{WHOLE_NOUN})"), negate_nearness),
     (re.compile(rf"(?<=v)(?P<not>N)(?P<relation>r)(?P<noun>{WHOLE_NOUN})"), stop_short),
+    (re.compile(rf"rz(?P<not>N)(?P<noun>{NOUN})(?P<near>r?){END}"), negate_presence),
+    (re.compile(rf"(?P<with>r?)(?P<not>N)(?P<noun>{NOUN})(?P<near>r){END}"), negate_presence),
     (re.compile(r"(?P<relation>r)(?P<not>N)(?P<noun>[mn]*h)"), negate_place),
     (re.compile(rf"(?P<relation>r)(?P<not>E)(?P<noun>{NOUN})"), negate_place),
     *((pattern, contrast) for pattern in _contrast_patterns("", "(?:,?B|,?[,.C]+)")),
