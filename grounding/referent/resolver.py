@@ -25,8 +25,10 @@ from grounding.scene_object import SceneObject
 from grounding.vocabulary import COLOURS, KNOWN_NOUNS, PERSON_NOUNS
 
 MAX_CANDIDATES = 6
-# Candidates whose log scores differ by less than this are a tie.
+# Candidates whose log scores differ by less than this are a tie; one that people call just so may score less by the
+# second, and is taken.
 _TIE_MARGIN = np.log(1.5)
+_NAMED_MARGIN = np.log(3.0)
 # Share of the fit of the best one in the words that one in a tie has at least.
 _TIE_FIT = 0.5
 # Least probability of the object that an ordinal counts to.
@@ -180,8 +182,8 @@ def _at_end_of_row(
 
 
 def _with_named_first(referent: Referent, choices: list[_Choice], scene: SceneModel) -> list[_Choice]:
-    """Return choices with those first that people call just so, if they are in a tie with the best one."""
-    rivals = [one for one in choices if one.score > choices[0].score - _TIE_MARGIN]
+    """Return choices with those first that people call just so, if they score nearly as the best one."""
+    rivals = [one for one in choices if one.score > choices[0].score - _NAMED_MARGIN]
     named = [one for one in rivals if _is_named(referent, one, scene)]
     return [*named, *(one for one in choices if one not in named)]
 
