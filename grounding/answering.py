@@ -17,7 +17,7 @@ from grounding.goal.at_landmark import landmark_of
 from grounding.goal.planner import GoalPlan, plan_place, with_nearest
 from grounding.goal.proposals import explain_refusal
 from grounding.goal.second_best import plan_with_second_best
-from grounding.goal.shift import HeldPose, hold_goal, shift_goal
+from grounding.goal.shift import HeldPose, explain_moved, hold_goal, shift_goal
 from grounding.language import Reading
 from grounding.referent.clarification import describe_one
 from grounding.referent.ordinals import find_ordinals
@@ -347,7 +347,7 @@ def _plan(
     for shift in request.shifts:
         named = next((one for one in scene.table.items if one.id == shift.vehicle), item)
         goal_plan = shift_goal(goal_plan, shift, scene, road, named)
-    return goal_plan
+    return explain_moved(goal_plan, query, road, item) if request.shifts else goal_plan
 
 
 def _others_with_room(

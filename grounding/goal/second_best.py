@@ -9,6 +9,7 @@ import numpy as np
 from grounding.goal import ego_lane
 from grounding.goal.beside_vehicle import PARKING
 from grounding.goal.candidates import CandidateSet, DistanceRange
+from grounding.goal.explanations import gap_beyond_m
 from grounding.goal.limits import PlaceLimits, is_in_the_road
 from grounding.goal.planner import GoalPlan, Target, plan_place, to_target, with_nearest
 from grounding.goal.reference_frames import ReferenceVehicle
@@ -137,13 +138,11 @@ def _nearest_first(edge: CandidateSet, side: str, road: RoadMap, item: SceneObje
 
 def _describe(place: Target, item: SceneObject) -> str:
     """Return where a place is, measured from a vehicle."""
-    heading = place.heading_ego_rad
-    offset_m = float((place.ego_m - item.centre_m) @ [np.cos(heading), np.sin(heading)])
-    if abs(offset_m) < (item.length_m + place.ego.length_m) / 2:
+    gap_m = gap_beyond_m(place.ego_m, place.heading_ego_rad, place.ego, item)
+    if not gap_m:
         return "beside it"
-    gap_m = abs(offset_m) - (item.length_m + place.ego.length_m) / 2
-    how_far = "just" if gap_m < _JUST_M else f"{gap_m:.0f} m"
-    return f"{how_far} {'beyond' if offset_m > 0 else 'short of'} it"
+    how_far = "just" if abs(gap_m) < _JUST_M else f"{abs(gap_m):.0f} m"
+    return f"{how_far} {'beyond' if gap_m > 0 else 'short of'} it"
 
 
 def _consequences(query: Query, place: Target, road: RoadMap) -> str:
