@@ -43,6 +43,7 @@ from grounding.dialogue.fragments import (
 )
 from grounding.dialogue.memory import Memory
 from grounding.dialogue.merging import merge_request, names_place
+from grounding.dialogue.places.gaps import take_gap
 from grounding.dialogue.places.shifts import (
     BIT_M,
     change_distance,
@@ -51,6 +52,7 @@ from grounding.dialogue.places.shifts import (
     shift_from_named,
     shift_last,
     shift_more,
+    shift_place,
 )
 from grounding.dialogue.plans.waits import stands
 from grounding.dialogue.telling.questions import answer_question
@@ -258,10 +260,11 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     if act == "shift" and turns and (other := _OTHER_TURN.fullmatch(reply.rest)):
         return answer_fragment(talk, text, replace(reply, rest=other[1]))  # "make that a left"
     if act == "shift":
-        moved = shift_from_named(talk, text, reply)
-        return moved or shift_last(talk, text, Shift(turn.shift, turn.distance_m or BIT_M))
+        return shift_place(talk, text, reply, Shift(turn.shift, turn.distance_m or BIT_M))
     if act in ("more", "less"):
         return shift_more(talk, text, 1.0 if act == "more" else -1.0, turn.distance_m or BIT_M)
+    if gap := take_gap(talk, text, turn):
+        return gap
     if act in ("describe", "place"):
         return answer_fragment(talk, text, reply, turn) or (ask_again(talk, text) if state.question else None)
     if act == "drop":
@@ -322,7 +325,7 @@ def _answer_reply(talk: Conversation, text: str, reply: Reply) -> Answer | None:
         return shift_more(talk, text, 1.0 if reply.kinds[-1] == "more" else -1.0, reply.distance_m)
     if reply.shift:
         distance_m = BIT_M if reply.distance_m is None else reply.distance_m
-        return shift_last(talk, text, Shift(reply.shift, distance_m))
+        return shift_place(talk, text, reply, Shift(reply.shift, distance_m))
     last = reply.kinds[-1] if reply.kinds else ""
     if not reply.rest:
         if last in ("room", "seek"):

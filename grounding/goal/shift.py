@@ -52,7 +52,7 @@ class Shift:
     @property
     def words(self) -> str:
         """The shift in words."""
-        return f"{self.distance_m:g} m {_WORDS.get(self.direction, self.direction)}"
+        return f"{round(self.distance_m, 1):g} m {_WORDS.get(self.direction, self.direction)}"
 
 
 def shift_goal(

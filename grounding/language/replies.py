@@ -28,7 +28,7 @@ _PLAN_KINDS = (
     *("starting", "retelling"),
     *("atedge", "ourside", "otherside", "ourlane", "someplace", "anyplace", "upahead", "notback"),
     *("leaving", "leavingmore", "sufficing", "apart", "tooclose"),
-    *("hindering", "particle", "elsewherethan", "limit", "nextgap", "thatgap"),
+    *("hindering", "particle", "elsewherethan", "limit", "nextgap", "thatgap", "tous"),
     *(
         "letting",
         "going",

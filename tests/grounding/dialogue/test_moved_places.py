@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from street import RED, Street
+from street import RED, WHITE, Street
 
 from grounding.answer import Answer
 from grounding.dialogue.session import Session
@@ -35,3 +35,77 @@ def test_the_last_move_alone_is_told() -> None:
         answer = session.say(reply)
     assert "1 m ahead" in told(answer)
     assert "4 m back" not in told(answer)
+
+
+def offered() -> Session:
+    """Returns a conversation in which a place beyond a car is on offer: there is no room behind it."""
+    street = Street().car("w", 14, -5, WHITE).car("r", 19.5, -5, RED)
+    session: Session = street.grounder().session()
+    answer = session.say("park behind the red car")
+    assert answer.plan.nearest is not None, answer.text()
+    assert session.proposes
+    return session
+
+
+def offer_m(session: Session) -> float:
+    question = session._talk.state.question
+    assert question is not None
+    assert question.plan.nearest is not None
+    return float(question.plan.nearest.ego_m[0])
+
+
+@pytest.mark.parametrize(
+    ("reply", "sign"),
+    [
+        ("a bit further on", 1),
+        ("ok but one metre further forward", 1),
+        ("yes but a bit nearer to us", -1),
+        ("a metre back", -1),
+    ],
+)
+def test_a_wish_takes_the_place_on_offer(reply: str, sign: int) -> None:
+    session = offered()
+    before = offer_m(session)
+    answer = session.say(reply)
+    if answer.target is not None:
+        assert answer.status == "ok"
+        assert sign * (float(answer.target.ego_m[0]) - before) > 0.3
+    else:
+        assert "no room" in told(answer)
+        assert session.proposes
+
+
+@pytest.mark.parametrize("reply", ["could you leave four metres, there's a pram to unload", "yes but leave 4 metres"])
+def test_a_gap_is_left_from_the_place_on_offer(reply: str) -> None:
+    session = offered()
+    offer = offer_m(session)
+    answer = session.say(reply)
+    assert answer.status == "ok", answer.text()
+    assert answer.target is not None
+    assert abs(float(answer.target.ego_m[0]) - 19.5) > max(abs(offer - 19.5) - 0.5, 4 + 4)
+
+
+def test_what_the_place_on_offer_has_no_room_for_is_told() -> None:
+    session = offered()
+    answer = session.say("thirty metres to the right")
+    assert "no room" in told(answer)
+    assert session.proposes
+
+
+@pytest.mark.parametrize(("reply", "axis", "sign"), [("one metre to the left", 1, 1), ("half a metre back", 0, -1)])
+def test_a_side_is_no_vehicle_that_a_gap_is_left_to(reply: str, axis: int, sign: int) -> None:
+    session = one_car()
+    before = session.say("stop behind the red car").target
+    after = session.say(reply).target
+    assert before is not None
+    assert after is not None
+    assert sign * float(after.ego_m[axis] - before.ego_m[axis]) > 0.3
+
+
+def test_closer_to_us_is_the_near_end() -> None:
+    session = one_car()
+    beyond = session.say("stop just past the red car").target
+    short = session.say("closer to us").target
+    assert beyond is not None
+    assert short is not None
+    assert float(short.ego_m[0]) < 30 < float(beyond.ego_m[0])
