@@ -16,6 +16,9 @@ from grounding.dialogue.descriptions import any_of, find_fitting, reading_of, wi
 from grounding.dialogue.telling.measures import gap_ends_m
 from grounding.dialogue.telling.phrases import ask, said
 from grounding.dialogue.telling.reports import ask_again, cancel, inform, keep, not_understood
+from grounding.language.replies import words_end
+from grounding.language.syntax.phrase_patterns import WORD
+from grounding.language.syntax.tokenizer import normalise
 from grounding.query import Referent
 from grounding.referent.resolver import Candidate, resolve
 from grounding.requests import Request
@@ -126,6 +129,13 @@ def go_back(talk: Conversation, text: str, described: Referent | None = None, nu
     if earlier:  # the next "undo" goes back farther; at the first plan it puts the last one in force again
         talk.state = replace(talk.state, earlier=tuple(earlier))
     return answer
+
+
+def returns_to_first(talk: Conversation, text: str) -> bool:
+    """Return whether "the first one after all" is the first plan, and none of several vehicles on offer."""
+    words = tuple(WORD.findall(normalise(text)))
+    says_so = any(words_end("afterall", words, i) > i for i in range(len(words)))
+    return says_so and bool(talk.state.earlier) and len(talk.state.offered) < 2
 
 
 def _index_of(talk: Conversation, described: Referent | None) -> int:

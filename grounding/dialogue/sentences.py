@@ -25,6 +25,7 @@ from grounding.dialogue.choices import (
     confirm,
     go_back,
     refuse,
+    returns_to_first,
     take_any,
     take_next,
     take_none,
@@ -236,6 +237,8 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
         return _ACTS[act](talk, text) if act in _WITHOUT_COMMAND else None
     if refused := refuse_described(talk, text, reply.rest):
         return refused
+    if reply.leading_shift and act in ("describe", "place") and (moved := shift_from_named(talk, text, reply)):
+        return moved  # "nearer the red one"
     reading = talk.read(reply.rest or text)
     if _says_more(talk, text, reply, turn) or reading.query.manoeuvre in _OF_THE_GRAMMAR:
         return None
@@ -318,6 +321,8 @@ def _answer_number(talk: Conversation, text: str, reply: Reply, number: int | No
 def _answer_reply(talk: Conversation, text: str, reply: Reply) -> Answer | None:
     """Answer a number, a shift, a reply without further words, or a question about them; None for what else."""
     state = talk.state
+    if reply.number == 1 and returns_to_first(talk, text):
+        return go_back(talk, text, number=1)
     if reply.number is not None and (not reply.rest or state.lists):
         named = state.question is None and state.request is not None and state.request.query.distance_m is not None
         return (change_distance if named else choose_number)(talk, text, reply.number)

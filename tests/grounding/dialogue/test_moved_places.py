@@ -109,3 +109,48 @@ def test_closer_to_us_is_the_near_end() -> None:
     assert beyond is not None
     assert short is not None
     assert float(short.ego_m[0]) < 30 < float(beyond.ego_m[0])
+
+
+@pytest.mark.parametrize(
+    "reply", ["nearer the red one", "a bit closer to the red car", "slightly nearer the red car"]
+)
+def test_a_place_between_two_moves_towards_one_of_them(reply: str) -> None:
+    street = Street().car("w", 12, -5, WHITE).car("r", 28, -5, RED)
+    session: Session = street.grounder().session()
+    before = session.say("park between the white car and the red car").target
+    answer = session.say(reply)
+    assert before is not None
+    assert answer.target is not None, answer.text()
+    assert 0.3 < float(answer.target.ego_m[0] - before.ego_m[0]) < 5
+
+
+def test_a_place_that_is_ruled_out_is_not_offered() -> None:
+    street = Street().car("a", 12, -5, RED).car("b", 17.5, -5, WHITE)
+    answer = street.grounder().session().say("don't park behind the red car, park behind the white one")
+    nearest = answer.plan.nearest
+    assert answer.target is None, answer.text()
+    assert nearest is None or float(nearest.ego_m[0]) > 12 - 4.5 / 2 or abs(float(nearest.ego_m[1]) + 5) > 2
+
+
+@pytest.mark.parametrize("text", ["actually the first one after all", "on second thoughts, the first one"])
+def test_the_first_one_after_all_is_the_first_plan(text: str) -> None:
+    street = Street().car("w", 14, -5, WHITE).car("r", 32, -5, RED)
+    session: Session = street.grounder().session()
+    first = session.say("stop next to the white car")
+    session.say("stop behind the red car")
+    answer = session.say(text)
+    assert answer.target is not None
+    assert first.target is not None
+    assert answer.target.cell == first.target.cell
+
+
+@pytest.mark.parametrize("wait", ["wait for her", "wait for that person please"])
+def test_who_was_asked_about_is_waited_for(wait: str) -> None:
+    street = Street().car("r", 32, -5, RED)
+    street.car("p", 14, -6, WHITE, size_wlh_m=(0.6, 0.6, 1.7), category="human.pedestrian.adult")
+    session: Session = street.grounder().session()
+    session.say("is the person going to cross?")
+    answer = session.say(wait)
+    assert answer.pace == "standing", answer.text()
+    assert answer.referent is not None
+    assert answer.referent.item.id == "p"
