@@ -10,15 +10,12 @@ import numpy as np
 from grounding.answer import Answer
 from grounding.answering import accept_proposal, without
 from grounding.describe import describe_object
-from grounding.dialogue.clauses import clauses_of, is_phrase
+from grounding.dialogue.clauses import clauses_of, is_phrase, says
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import any_of, find_fitting, reading_of, without_qualifiers
 from grounding.dialogue.telling.measures import gap_ends_m
 from grounding.dialogue.telling.phrases import ask, said
 from grounding.dialogue.telling.reports import ask_again, cancel, inform, keep, not_understood
-from grounding.language.replies import words_end
-from grounding.language.syntax.phrase_patterns import WORD
-from grounding.language.syntax.tokenizer import normalise
 from grounding.query import Referent
 from grounding.referent.resolver import Candidate, resolve
 from grounding.requests import Request
@@ -41,6 +38,8 @@ def confirm(talk: Conversation, text: str) -> Answer:
     """Take the only candidate of the open question, or the nearest place if that was offered."""
     question, request = talk.state.question, talk.state.request
     if question is None or request is None:
+        if talk.state.goal is None and talk.state.earlier and says("afterall", text):
+            return go_back(talk, text)  # "never mind". "Do it after all"
         return inform(talk, text, "the goal stays as it is") if talk.state.goal else keep(talk, text)
     if len(question.alternatives) == 1:
         return talk.take_reading(question.alternatives[0])
@@ -133,9 +132,7 @@ def go_back(talk: Conversation, text: str, described: Referent | None = None, nu
 
 def returns_to_first(talk: Conversation, text: str) -> bool:
     """Return whether "the first one after all" is the first plan, and none of several vehicles on offer."""
-    words = tuple(WORD.findall(normalise(text)))
-    says_so = any(words_end("afterall", words, i) > i for i in range(len(words)))
-    return says_so and bool(talk.state.earlier) and len(talk.state.offered) < 2
+    return says("afterall", text) and bool(talk.state.earlier) and len(talk.state.offered) < 2
 
 
 def _index_of(talk: Conversation, described: Referent | None) -> int:

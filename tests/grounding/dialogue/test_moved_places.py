@@ -154,3 +154,26 @@ def test_who_was_asked_about_is_waited_for(wait: str) -> None:
     assert answer.pace == "standing", answer.text()
     assert answer.referent is not None
     assert answer.referent.item.id == "p"
+
+
+@pytest.mark.parametrize("again", ["actually do follow it after all", "no, follow it again please"])
+def test_what_was_followed_before_is_followed_again(again: str) -> None:
+    street = Street().car("w", 34, -5, WHITE).car("r", 20, 0, RED)
+    session: Session = street.grounder().session()
+    session.say("follow the red car")
+    session.say("stop behind the white car")
+    answer = session.say(again)
+    assert answer.query.action == "follow"
+    assert answer.referent is not None
+    assert answer.referent.item.id == "r"
+    assert "'red car'" in told(answer)
+
+
+def test_a_dropped_command_is_done_after_all() -> None:
+    session = one_car()
+    before = session.say("stop behind the red car").target
+    session.say("never mind")
+    answer = session.say("actually, do it after all")
+    assert before is not None
+    assert answer.target is not None
+    assert answer.target.cell == before.cell
