@@ -344,10 +344,12 @@ def _plan(
     if request.shifts and goal_plan.target is None:
         second = plan_with_second_best(query, goal_plan, scene, road, item)
         goal_plan = second if second.target is not None else goal_plan  # the place that is in force
+    named = item
     for shift in request.shifts:
         named = next((one for one in scene.table.items if one.id == shift.vehicle), item)
         goal_plan = shift_goal(goal_plan, shift, scene, road, named)
-    return explain_moved(goal_plan, query, road, item) if request.shifts else goal_plan
+    name = "it" if named is None or named is item else f"the {describe_object(named, scene)}"
+    return explain_moved(goal_plan, query, road, named, name) if request.shifts else goal_plan
 
 
 def _others_with_room(

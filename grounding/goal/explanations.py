@@ -87,10 +87,12 @@ def gap_beyond_m(place_m: FloatArray, heading_rad: float, ego: EgoVehicle, item:
     return float(np.copysign(gap_m, offset_m))
 
 
-def explain_from(place_m: FloatArray, heading_rad: float, ego: EgoVehicle, item: SceneObject) -> str:
-    """Return where a place (2,) is, measured from a vehicle."""
+def explain_from(
+    place_m: FloatArray, heading_rad: float, ego: EgoVehicle, item: SceneObject, name: str = "it"
+) -> str:
+    """Return where a place (2,) is, measured from a vehicle, which has a name in the sentence."""
     if gap_m := gap_beyond_m(place_m, heading_rad, ego, item):
-        return f"the place is {abs(gap_m):.1f} m {'beyond' if gap_m > 0 else 'short of'} it"
+        return f"the place is {abs(gap_m):.1f} m {'beyond' if gap_m > 0 else 'short of'} {name}"
     left_m = float((place_m - item.centre_m) @ [-np.sin(heading_rad), np.cos(heading_rad)])
     gap_m = max(abs(left_m) - (item.width_m + ego.width_m) / 2, 0.0)
-    return f"the place is {'left' if left_m > 0 else 'right'} of it, {gap_m:.1f} m away from it"
+    return f"the place is {'left' if left_m > 0 else 'right'} of {name}, {gap_m:.1f} m away from it"

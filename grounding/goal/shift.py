@@ -90,14 +90,16 @@ def shift_goal(
     return GoalPlan(None, (f"there is no room {shift.words}", *reasons), nearest=target)
 
 
-def explain_moved(goal_plan: GoalPlan, query: Query, road: RoadMap, item: SceneObject | None = None) -> GoalPlan:
-    """Return a plan with where its moved goal is now, measured from the reference vehicle, and the way there."""
+def explain_moved(
+    goal_plan: GoalPlan, query: Query, road: RoadMap, item: SceneObject | None = None, name: str = "it"
+) -> GoalPlan:
+    """Return a plan with where its moved goal is now, measured from a vehicle of some name, and the way there."""
     target, way = goal_plan.target, goal_plan.way
     if target is None or way is None:
         return goal_plan
     pose = target.ego_m, target.heading_ego_rad
     ahead_m = float(road.along_m[target.cell])
-    told = [explain_from(*pose, target.ego, item)] if item is not None else []
+    told = [explain_from(*pose, target.ego, item, name)] if item is not None else []
     if item is None and ahead_m > 0:
         told = [f"the place is {ahead_m:.1f} m ahead"]
     told += [*explain_behind_us(target.cell, road), explain_way(way)]

@@ -122,6 +122,7 @@ def test_a_place_between_two_moves_towards_one_of_them(reply: str) -> None:
     assert before is not None
     assert answer.target is not None, answer.text()
     assert 0.3 < float(answer.target.ego_m[0] - before.ego_m[0]) < 5
+    assert "short of the red car" in told(answer)
 
 
 def test_a_place_that_is_ruled_out_is_not_offered() -> None:
