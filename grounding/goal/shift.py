@@ -77,11 +77,12 @@ def shift_goal(
     direction = _direction(shift.direction, target, item)
     blocked: GoalPlan | None = None
     for share in _SHARES[: 1 if shift.whole else None]:
-        wanted = target.ego_m + share * shift.distance_m * direction
+        length_m = max(share * shift.distance_m, road.grid.cell_m)  # no place is nearer to another one
+        wanted = target.ego_m + length_m * direction
         moved = _plan_near(wanted, target.heading_ego_rad, shift.words, scene, road, item)
         blocked = blocked or (moved if moved.target is None else None)
         moved_m = 0.0 if moved.target is None else float((moved.target.ego_m - target.ego_m) @ direction)
-        if moved_m >= max(_LEAST_SHARE * share * shift.distance_m, _LEAST_M):
+        if moved_m >= max(_LEAST_SHARE * length_m, _LEAST_M):
             limit = "" if share == 1 else ": there is room for no more"
             reason = f"moved {moved_m:.1f} m as asked ({shift.words}){limit}"
             kept = (one for one in goal_plan.reasons if one not in goal_plan.of_place)

@@ -178,3 +178,23 @@ def test_a_dropped_command_is_done_after_all() -> None:
     assert before is not None
     assert answer.target is not None
     assert answer.target.cell == before.cell
+
+
+@pytest.mark.parametrize("correction", ["sorry, to the right", "no my mistake, right"])
+def test_a_move_to_the_wrong_side_is_turned(correction: str) -> None:
+    session: Session = Street().car("r", 50, -5, RED).grounder().session()
+    before = session.say("stop in 20 metres").target
+    session.say("a bit to the left")
+    after = session.say(correction).target
+    assert before is not None
+    assert after is not None
+    assert float(after.ego_m[1]) < float(before.ego_m[1])
+
+
+def test_a_move_by_less_than_a_cell_is_one_cell() -> None:
+    session = one_car()
+    before = session.say("stop behind the red car").target
+    after = session.say("20 cm back").target
+    assert before is not None
+    assert after is not None
+    assert 0 < float(before.ego_m[0] - after.ego_m[0]) < 0.6
