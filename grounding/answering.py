@@ -18,7 +18,7 @@ from grounding.goal.exclusions import ExcludedPlace, resolve_exclusions
 from grounding.goal.planner import GoalPlan, plan_place, with_nearest
 from grounding.goal.proposals import explain_refusal
 from grounding.goal.second_best import plan_with_second_best
-from grounding.goal.shift import HeldPose, hold_goal, shift_goal
+from grounding.goal.shift import HeldPose, explain_moved, hold_goal, shift_goal
 from grounding.language import Reading
 from grounding.referent.clarification import describe_one
 from grounding.referent.ordinals import find_ordinals
@@ -343,10 +343,12 @@ def _plan(
     if request.shifts and goal_plan.target is None:
         second = plan_with_second_best(query, goal_plan, scene, road, item)
         goal_plan = second if second.target is not None else goal_plan  # the place that is in force
+    named = item
     for shift in request.shifts:
         named = next((one for one in scene.table.items if one.id == shift.vehicle), item)
         goal_plan = shift_goal(goal_plan, shift, scene, road, named)
-    return goal_plan
+    name = "it" if named is None or named is item else f"the {describe_object(named, scene)}"
+    return explain_moved(goal_plan, query, road, named, name) if request.shifts else goal_plan
 
 
 def _others_with_room(

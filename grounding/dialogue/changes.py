@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from grounding.answer import Answer
@@ -32,10 +32,13 @@ from grounding.referent.ordinals import find_ordinals
 from grounding.referent.predicates import to_referent
 from grounding.referent.resolver import Candidate, resolve
 from grounding.requests import Request
-from grounding.vocabulary import Action
+from grounding.vocabulary import Action, ShiftDirection
 
 # Questions about somebody or something that was not spoken of.
 _WHO_OR_WHAT = re.compile(r"(?:and |oh |but |so )*(?:(?P<who>who)|what)(?:'s| is|s) (?:the|that|this)\b")
+
+# Moves to a side.
+_SIDEWAYS: Mapping[str, ShiftDirection] = {"left": "leftwards", "right": "rightwards"}
 
 
 def answer_fragment(talk: Conversation, text: str, reply: Reply, turn: Turn | None = None) -> Answer | None:
@@ -254,7 +257,9 @@ def refuse_described(talk: Conversation, text: str, words: str) -> Answer | None
 
 
 def _modify(talk: Conversation, reading: Reading, request: Request) -> Answer:
-    """Plan the last command with another relation, side or distance."""
+    """Plan the last command with another relation, side or distance; a move to the other side is turned."""
+    if turned := _turned(request, reading):
+        return talk.take(talk.state.with_request(turned))
     changed = merge_request(request, reading.query)
     query, chosen = changed.query, changed.chosen
     if names_pronoun(reading):
@@ -263,6 +268,17 @@ def _modify(talk: Conversation, reading: Reading, request: Request) -> Answer:
         chosen = talk.meant or chosen
     changed = replace(changed, chosen=chosen, reading=reading.with_query(query))
     return _take_changed(talk, changed, reading.query)
+
+
+def _turned(request: Request, reading: Reading) -> Request | None:
+    """Return a step whose last move, to a side, is to the other one that a reading names; None for other readings."""
+    query, last = reading.query, request.shifts[-1:]
+    direction = _SIDEWAYS.get(query.goal_side or query.direction or "")
+    placed = query.relation != "none" or query.referent is not None or query.distance_m is not None
+    if direction is None or placed or not last or last[0].direction not in _SIDEWAYS.values():
+        return None
+    moved = (*request.shifts[:-1], replace(last[0], direction=direction))
+    return replace(request, shifts=moved, reading=said(request.reading, query.command))
 
 
 def _take_changed(talk: Conversation, changed: Request, said: Query) -> Answer:

@@ -10,7 +10,7 @@ import numpy as np
 from grounding.answer import Answer
 from grounding.answering import accept_proposal, without
 from grounding.describe import describe_object
-from grounding.dialogue.clauses import clauses_of, is_phrase
+from grounding.dialogue.clauses import clauses_of, is_phrase, says
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import any_of, find_fitting, reading_of, without_qualifiers
 from grounding.dialogue.telling.measures import gap_ends_m
@@ -38,6 +38,8 @@ def confirm(talk: Conversation, text: str) -> Answer:
     """Take the only candidate of the open question, or the nearest place if that was offered."""
     question, request = talk.state.question, talk.state.request
     if question is None or request is None:
+        if talk.state.goal is None and talk.state.earlier and says("afterall", text):
+            return go_back(talk, text)  # "never mind". "Do it after all"
         return inform(talk, text, "the goal stays as it is") if talk.state.goal else keep(talk, text)
     if len(question.alternatives) == 1:
         return talk.take_reading(question.alternatives[0])
@@ -126,6 +128,11 @@ def go_back(talk: Conversation, text: str, described: Referent | None = None, nu
     if earlier:  # the next "undo" goes back farther; at the first plan it puts the last one in force again
         talk.state = replace(talk.state, earlier=tuple(earlier))
     return answer
+
+
+def returns_to_first(talk: Conversation, text: str) -> bool:
+    """Return whether "the first one after all" is the first plan, and none of several vehicles on offer."""
+    return says("afterall", text) and bool(talk.state.earlier) and len(talk.state.offered) < 2
 
 
 def _index_of(talk: Conversation, described: Referent | None) -> int:

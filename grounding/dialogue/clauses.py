@@ -30,6 +30,12 @@ def is_phrase(kind: str, words: Words) -> bool:
     return bool(words) and words_end(kind, words, 0) == len(words)
 
 
+def says(kind: str, text: str) -> bool:
+    """Return whether a phrase of a kind is anywhere in a turn."""
+    words = tuple(WORD.findall(normalise(text)))
+    return any(words_end(kind, words, i) > i for i in range(len(words)))
+
+
 def _parts(words: Sequence[str]) -> Iterator[Sequence[str]]:
     """Yield the words between marks and conjunctions."""
     start = 0

@@ -8,6 +8,7 @@ from dataclasses import replace
 from grounding.answer import Answer
 from grounding.dialogue.changes import drop_steps, replace_step
 from grounding.dialogue.choices import confirm
+from grounding.dialogue.clauses import says
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import each_step, find_fitting, widen
 from grounding.dialogue.fragments import is_understood, keep_action, names_pronoun, points, refers_to_place
@@ -69,7 +70,10 @@ def answer_command(
     if names_pronoun(first) and not first.condition:
         if state.question is not None and len(state.question.candidates) > 1 and not agreed:
             return ask_again(talk, text)
-        if not points(first.tokens) and (aimed := talk.aimed_at):  # "stay behind": not what was only asked about
+        repeated = _done_before(talk, text, first)
+        # "Stay behind": not what was only asked about.
+        aimed = repeated or (talk.aimed_at if not points(first.tokens) else None)
+        if aimed is not None:
             if first.query.action == "avoid" and aimed.query.action == "follow":
                 return shift_more(talk, text, 1.0)  # "keep a safe gap"
             named = aimed.query.referent
@@ -111,6 +115,16 @@ def answer_command(
 def _at(vehicle: Candidate | None, step: Request) -> Request:
     """Return a step with a settled vehicle, if it names one: "pass it and keep going"."""
     return replace(step, chosen=vehicle) if step.query.referent is not None else step
+
+
+def _done_before(talk: Conversation, text: str, reading: Reading) -> Request | None:
+    """Return the earlier step that is asked for again: "follow it again", "do follow him after all"."""
+    state, asked = talk.state, (reading.query.action, reading.query.relation)
+    in_force = any(step.query.action == reading.query.action for step in state.plan)
+    if state.question is not None or in_force or not says("afterall", text):
+        return None
+    before = (step for plan in state.earlier for step in plan if step.chosen is not None)
+    return next((one for one in before if (one.query.action, one.query.relation) == asked), None)
 
 
 def _is_another(talk: Conversation, step: Request) -> bool:

@@ -25,6 +25,7 @@ from grounding.dialogue.choices import (
     confirm,
     go_back,
     refuse,
+    returns_to_first,
     take_any,
     take_next,
     take_none,
@@ -43,6 +44,7 @@ from grounding.dialogue.fragments import (
 )
 from grounding.dialogue.memory import Memory
 from grounding.dialogue.merging import merge_request, names_place
+from grounding.dialogue.places.gaps import take_gap
 from grounding.dialogue.places.shifts import (
     BIT_M,
     change_distance,
@@ -52,6 +54,7 @@ from grounding.dialogue.places.shifts import (
     shift_from_named,
     shift_last,
     shift_more,
+    shift_place,
 )
 from grounding.dialogue.plans.waits import stands
 from grounding.dialogue.telling.questions import answer_question
@@ -235,6 +238,8 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
         return _ACTS[act](talk, text) if act in _WITHOUT_COMMAND else None
     if refused := refuse_described(talk, text, reply.rest):
         return refused
+    if reply.leading_shift and act in ("describe", "place") and (moved := shift_from_named(talk, text, reply)):
+        return moved  # "nearer the red one"
     reading = talk.read(reply.rest or text)
     if _says_more(talk, text, reply, turn) or reading.query.manoeuvre in _OF_THE_GRAMMAR:
         return None
@@ -259,10 +264,11 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     if act == "shift" and turns and (other := _OTHER_TURN.fullmatch(reply.rest)):
         return answer_fragment(talk, text, replace(reply, rest=other[1]))  # "make that a left"
     if act == "shift":
-        moved = shift_from_named(talk, text, reply)
-        return moved or shift_last(talk, text, Shift(turn.shift, turn.distance_m or BIT_M))
+        return shift_place(talk, text, reply, Shift(turn.shift, turn.distance_m or BIT_M))
     if act in ("more", "less"):
         return shift_more(talk, text, 1.0 if act == "more" else -1.0, turn.distance_m)
+    if gap := take_gap(talk, text, turn):
+        return gap
     if act in ("describe", "place"):
         return answer_fragment(talk, text, reply, turn) or (ask_again(talk, text) if state.question else None)
     if act == "drop":
@@ -316,6 +322,8 @@ def _answer_number(talk: Conversation, text: str, reply: Reply, number: int | No
 def _answer_reply(talk: Conversation, text: str, reply: Reply) -> Answer | None:
     """Answer a number, a shift, a reply without further words, or a question about them; None for what else."""
     state = talk.state
+    if reply.number == 1 and returns_to_first(talk, text):
+        return go_back(talk, text, number=1)
     if reply.number is not None and (not reply.rest or state.lists):
         named = state.question is None and state.request is not None and state.request.query.distance_m is not None
         return (change_distance if named else choose_number)(talk, text, reply.number)
@@ -323,7 +331,7 @@ def _answer_reply(talk: Conversation, text: str, reply: Reply) -> Answer | None:
         return shift_more(talk, text, 1.0 if reply.kinds[-1] == "more" else -1.0, reply.distance_m)
     if reply.shift:
         distance_m = BIT_M if reply.distance_m is None else reply.distance_m
-        return shift_last(talk, text, Shift(reply.shift, distance_m))
+        return shift_place(talk, text, reply, Shift(reply.shift, distance_m))
     last = reply.kinds[-1] if reply.kinds else ""
     if not reply.rest:
         if last in ("room", "seek"):

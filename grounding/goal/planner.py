@@ -15,19 +15,18 @@ from appocc.motion_state import DRIVING_MPS, MOVING_MPS
 from grounding.goal.at_landmark import keep_clear
 from grounding.goal.candidates import CandidateSet, GoalCandidate
 from grounding.goal.exclusions import ExcludedPlace, excluded_cells
+from grounding.goal.explanations import explain_gap, explain_second_row, explain_target, explain_way
 from grounding.goal.limits import (
     AGAINST_TRAFFIC,
     BEHIND_US,
     OTHER_SIDE,
-    PARKING_ACTIONS,
     TURNED,
     PlaceLimits,
-    is_in_the_road,
     reversing_cost,
     standing_cost,
 )
 from grounding.goal.proposals import explain_refusal, is_in_our_way, propose_candidates
-from grounding.goal.search import LEAVES_ROAD, CandidateSearch
+from grounding.goal.search import CandidateSearch
 from grounding.goal.traffic import (
     TOWARDS,
     comes_towards_us,
@@ -45,15 +44,7 @@ from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
 from grounding.vocabulary import Action, Pace
 
-# A goal closer than this to the ideal candidate is not reported as moved.
-_MOVED_M = 0.6
-# A goal within this lateral offset of the ego lane is reported as behind the ego, if it is.
-_IN_LANE_M = 1.5
 _RUNNERS_UP = 3
-# A gap that differs by more from the one asked for is told.
-_TOLD_GAP_M = 0.35
-# A way that turns by more is a turn in the road; reversing less than this is not worth a word.
-_TURN_ROUND_RAD, _LITTLE_M = np.radians(150), 0.5
 # Where only one limit stands against the best place, that is asked.
 _FOLLOW = "it does not stand still: shall we follow it?"
 _CANNOT = {"overtake": "there is nothing to overtake", "turn": "we do not turn across its way"}
@@ -109,6 +100,7 @@ class GoalPlan:
     Attributes:
         target: the goal pose, None if no candidate is valid.
         reasons: sentences.
+        of_place: those of them that tell of the target, and do not hold for another one.
         way: the way to the target as a car drives it; None without one.
         runners_up: further goal poses, at least an ego length from the target and from each other.
         nearest: if no candidate is valid, the nearest valid pose.
@@ -134,6 +126,7 @@ class GoalPlan:
     refused: bool = False
     later: bool = False
     around_m: FloatArray | None = None
+    of_place: tuple[str, ...] = ()
 
     @property
     def score(self) -> float | None:
@@ -269,12 +262,13 @@ def plan_place(
     if not best or way is None:
         return _plan_without_target(search, item, reasons)
     target, *others = (to_target(candidate, scene, road) for candidate in best)
-    reasons = [*reasons, *_explain_target(search, best[0], way), *_explain_gap(query, best[0])]
-    reasons += _explain_second_row(query, best[0], road)
+    of_place = [*explain_target(search, best[0]), explain_way(way), *explain_gap(query, best[0])]
+    of_place += explain_second_row(query, best[0].cell, best[0].heading_rad, road)
+    reasons = [*reasons, *of_place]
     if target.score < _MIN_SCORE_OK:
         reasons.append("the best free place fits the command badly: it is too far away, or too awkward to reach")
         return GoalPlan(None, tuple(reasons), nearest=target, search=search)
-    return GoalPlan(target, tuple(reasons), way, tuple(others), None, search)
+    return GoalPlan(target, tuple(reasons), way, tuple(others), None, search, of_place=tuple(of_place))
 
 
 def _in_our_lanes(candidates: CandidateSet, road: RoadMap) -> CandidateSet:
@@ -320,55 +314,6 @@ def to_target(candidate: GoalCandidate, scene: SceneModel, road: RoadMap, score:
         score=max(float(np.exp(-candidate.cost / 2)), _MIN_SCORE) if score is None else score,
         ego=road.ego,
     )
-
-
-def _explain_target(search: CandidateSearch, chosen: GoalCandidate, way: CarRoute) -> list[str]:
-    """Return the gap, the way, and the constraints that ruled out better candidates, in words."""
-    road = search.road
-    reasons = [f"the place is {chosen.describe()}"]
-    ideal = search.unconstrained_best(chosen.candidates)
-    if ideal is not None:
-        moved = float(np.linalg.norm(np.subtract(ideal.cell, chosen.cell)) * road.grid.cell_m)
-        if moved > _MOVED_M:
-            reasons.append(f"moved {moved:.1f} m from the best place, which {search.explain_violation(ideal)}")
-    # Sets with the same words differ only in their headings.
-    other_sets = [each for each in search.candidate_sets if each.words != chosen.candidates.words]
-    others = [other for each in other_sets if (other := search.unconstrained_best(each))]
-    better = min(others, key=lambda other: other.cost, default=chosen)
-    violation = search.explain_violation(better) if better.cost < chosen.cost - 1e-9 else LEAVES_ROAD
-    if violation != LEAVES_ROAD:  # the kerb side of a vehicle at the kerb is no place that anybody thinks of
-        reasons.append(f"{better.candidates.words} would be better, but the best place there {violation}")
-    along, lateral = float(road.along_m[chosen.cell]), float(road.lateral_m[chosen.cell])
-    if along < -_MOVED_M and abs(lateral) < _IN_LANE_M:
-        reasons.append(f"that is {-along:.1f} m behind where we are now")
-    return [*reasons, _explain_way(way)]
-
-
-def _explain_gap(query: Query, chosen: GoalCandidate) -> list[str]:
-    """Return how far the gap is from the one that is asked for."""
-    gaps = chosen.candidates.gap_m
-    measured = query.referent is not None and query.distance_of == "referent"  # gaps at a landmark are ahead of us
-    if query.distance_m is None or not measured or gaps is None:
-        return []
-    more_m = float(gaps[chosen.index]) - query.distance_m
-    if abs(more_m) < _TOLD_GAP_M:
-        return []
-    return [f"that is {abs(more_m):.1f} m {'more' if more_m > 0 else 'less'} than asked for"]
-
-
-def _explain_second_row(query: Query, chosen: GoalCandidate, road: RoadMap) -> list[str]:
-    """Return the warning for a parking place that is not at the edge of the road."""
-    if query.action not in PARKING_ACTIONS or not is_in_the_road(chosen.cell, chosen.heading_rad, road):
-        return []
-    return ["it is not at the edge of the road: others have to drive around us"]
-
-
-def _explain_way(way: CarRoute) -> str:
-    """Return length and reversing of a way in words."""
-    words = f"the way there is {way.length_m:.0f} m"
-    if way.turned_rad > _TURN_ROUND_RAD:
-        words += ", with a turn in the road"
-    return f"{words}, {way.backwards_m:.0f} m of it backwards" if way.backwards_m > _LITTLE_M else words
 
 
 def _plan_without_target(search: CandidateSearch, item: SceneObject | None, reasons: Sequence[str]) -> GoalPlan:

@@ -69,7 +69,7 @@ class CandidateSearch:
         self._limits = limits
         self._out_of_reach: list[tuple[FloatArray, float]] = []
         self.candidate_sets = [each for each in candidate_sets if len(each.cells)]
-        self.scene, self.road, self._references, self._excluded = scene, road, references, excluded
+        self.scene, self.road, self._references, self.excluded = scene, road, references, excluded
         self._words = [each.words for each in candidate_sets]
 
     @cached_property
@@ -98,8 +98,8 @@ class CandidateSearch:
         i, j = cells.T
         flags |= UNREACHABLE * ~self._is_in_reach(cells, heading_rad)
         flags |= self._limits.flags(self.road, cells, heading_rad)
-        if self._excluded is not None:
-            flags |= EXCLUDED * self._excluded[i, j]
+        if self.excluded is not None:
+            flags |= EXCLUDED * self.excluded[i, j]
         return flags
 
     def _is_in_reach(self, cells: IntArray, heading_rad: FloatArray) -> BoolArray:
@@ -184,7 +184,7 @@ class CandidateSearch:
         cells, distance_m = cells[distance_m < _NEAREST_M], distance_m[distance_m < _NEAREST_M]
         heading = round_heading(self.road.direction_rad[cells[:, 0], cells[:, 1]])
         anywhere = CandidateSet("", cells, distance_m, heading)
-        search = CandidateSearch([anywhere], self.scene, self.road, (), self._excluded, self._limits)
+        search = CandidateSearch([anywhere], self.scene, self.road, (), self.excluded, self._limits)
         return next(iter(search.find_reachable()[0]), None)
 
     def explain_failure(self) -> tuple[GoalCandidate | None, int, list[str]]:

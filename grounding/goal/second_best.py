@@ -9,6 +9,7 @@ import numpy as np
 from grounding.goal import ego_lane
 from grounding.goal.beside_vehicle import PARKING
 from grounding.goal.candidates import CandidateSet, DistanceRange
+from grounding.goal.explanations import gap_beyond_m
 from grounding.goal.limits import PlaceLimits, is_in_the_road
 from grounding.goal.planner import GoalPlan, Target, plan_place, to_target, with_nearest
 from grounding.goal.reference_frames import ReferenceVehicle
@@ -62,7 +63,7 @@ def plan_with_second_best(
         if stopped.target is not None:
             word = query.relation.replace("_", " ")
             return replace(stopped, reasons=(f"there is no room {word} it in its line", *stopped.reasons))
-    nearest = _find_edge_place(query, scene, road, item) if query.action in PARKING else None
+    nearest = _find_edge_place(query, plan, scene, road, item) if query.action in PARKING else None
     if nearest is None:
         plan = with_nearest(plan)
         nearest = _close_enough(plan.nearest, item) if query.action in (*PARKING, *_STOPPING) else None
@@ -115,14 +116,20 @@ def _plan_in_our_lane(query: Query, scene: SceneModel, road: RoadMap, item: Scen
     return plan_place(replace(query, action="stop", relation=relation), scene, road, item)
 
 
-def _find_edge_place(query: Query, scene: SceneModel, road: RoadMap, item: SceneObject) -> Target | None:
-    """Return the place at the edge of the road that is nearest to a vehicle; None if there is none around it."""
+def _find_edge_place(
+    query: Query, plan: GoalPlan, scene: SceneModel, road: RoadMap, item: SceneObject
+) -> Target | None:
+    """Return the place at the edge of the road that is nearest to a vehicle; None if there is none around it.
+
+    It is none of the places that the command rules out.
+    """
     along, lateral = (float(each) for each in road.ego_lane.project(item.centre_m))
     limits = PlaceLimits.of(query, road.traffic_side)
     side = query.goal_side or ("left" if lateral > 0 and not limits.our_side else "right")
     around = DistanceRange(along - _AROUND_M, along, along + _AROUND_M)
     places = [_nearest_first(each, side, road, item) for each in ego_lane.propose_at_edge(road, side, around)]
-    found, _ = CandidateSearch(places, scene, road, [item], limits=limits).find_reachable()
+    excluded = plan.search.excluded if plan.search is not None else None
+    found, _ = CandidateSearch(places, scene, road, [item], excluded, limits).find_reachable()
     return to_target(found[0], scene, road) if found else None
 
 
@@ -137,13 +144,11 @@ def _nearest_first(edge: CandidateSet, side: str, road: RoadMap, item: SceneObje
 
 def _describe(place: Target, item: SceneObject) -> str:
     """Return where a place is, measured from a vehicle."""
-    heading = place.heading_ego_rad
-    offset_m = float((place.ego_m - item.centre_m) @ [np.cos(heading), np.sin(heading)])
-    if abs(offset_m) < (item.length_m + place.ego.length_m) / 2:
+    gap_m = gap_beyond_m(place.ego_m, place.heading_ego_rad, place.ego, item)
+    if not gap_m:
         return "beside it"
-    gap_m = abs(offset_m) - (item.length_m + place.ego.length_m) / 2
-    how_far = "just" if gap_m < _JUST_M else f"{gap_m:.0f} m"
-    return f"{how_far} {'beyond' if offset_m > 0 else 'short of'} it"
+    how_far = "just" if abs(gap_m) < _JUST_M else f"{abs(gap_m):.0f} m"
+    return f"{how_far} {'beyond' if gap_m > 0 else 'short of'} it"
 
 
 def _consequences(query: Query, place: Target, road: RoadMap) -> str:

@@ -9,8 +9,10 @@ import numpy as np
 from appocc.checks import FloatArray
 from appocc.geometry import apply, inverse, wrap_angle
 from grounding.goal.candidates import CandidateSet
+from grounding.goal.explanations import explain_behind_us, explain_from, explain_second_row, explain_way
 from grounding.goal.planner import GoalPlan, Target, to_target
 from grounding.goal.search import CandidateSearch
+from grounding.query import Query
 from grounding.referent.scene import SceneModel
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
@@ -50,7 +52,7 @@ class Shift:
     @property
     def words(self) -> str:
         """The shift in words."""
-        return f"{self.distance_m:g} m {_WORDS.get(self.direction, self.direction)}"
+        return f"{round(self.distance_m, 1):g} m {_WORDS.get(self.direction, self.direction)}"
 
 
 def shift_goal(
@@ -66,7 +68,8 @@ def shift_goal(
         item: reference vehicle; without one, "away" is ahead and "near" is back.
 
     Returns:
-        The plan with the valid pose nearest to the shifted one; without a target if there is none near it.
+        The plan with the valid pose nearest to the shifted one, without the reasons for the place before; without a
+        target if there is none near it.
     """
     target = goal_plan.target
     if target is None:
@@ -74,16 +77,35 @@ def shift_goal(
     direction = _direction(shift.direction, target, item)
     blocked: GoalPlan | None = None
     for share in _SHARES[: 1 if shift.whole else None]:
-        wanted = target.ego_m + share * shift.distance_m * direction
+        length_m = max(share * shift.distance_m, road.grid.cell_m)  # no place is nearer to another one
+        wanted = target.ego_m + length_m * direction
         moved = _plan_near(wanted, target.heading_ego_rad, shift.words, scene, road, item)
         blocked = blocked or (moved if moved.target is None else None)
         moved_m = 0.0 if moved.target is None else float((moved.target.ego_m - target.ego_m) @ direction)
-        if moved_m >= max(_LEAST_SHARE * share * shift.distance_m, _LEAST_M):
+        if moved_m >= max(_LEAST_SHARE * length_m, _LEAST_M):
             limit = "" if share == 1 else ": there is room for no more"
             reason = f"moved {moved_m:.1f} m as asked ({shift.words}){limit}"
-            return replace(goal_plan, target=moved.target, way=moved.way, reasons=(*goal_plan.reasons, reason))
+            kept = (one for one in goal_plan.reasons if one not in goal_plan.of_place)
+            return replace(goal_plan, target=moved.target, way=moved.way, reasons=(*kept, reason), of_place=(reason,))
     reasons = blocked.reasons if blocked is not None else ()
     return GoalPlan(None, (f"there is no room {shift.words}", *reasons), nearest=target)
+
+
+def explain_moved(
+    goal_plan: GoalPlan, query: Query, road: RoadMap, item: SceneObject | None = None, name: str = "it"
+) -> GoalPlan:
+    """Return a plan with where its moved goal is now, measured from a vehicle of some name, and the way there."""
+    target, way = goal_plan.target, goal_plan.way
+    if target is None or way is None:
+        return goal_plan
+    pose = target.ego_m, target.heading_ego_rad
+    ahead_m = float(road.along_m[target.cell])
+    told = [explain_from(*pose, target.ego, item, name)] if item is not None else []
+    if item is None and ahead_m > 0:
+        told = [f"the place is {ahead_m:.1f} m ahead"]
+    told += [*explain_behind_us(target.cell, road), explain_way(way)]
+    told += explain_second_row(query, target.cell, target.heading_ego_rad, road)
+    return replace(goal_plan, reasons=(*goal_plan.reasons, *told), of_place=tuple(told))
 
 
 def hold_goal(pose: HeldPose, scene: SceneModel, road: RoadMap) -> GoalPlan | None:
@@ -113,7 +135,8 @@ def _plan_near(
     found, way = search.find_reachable(1)
     if not found or way is None:
         return GoalPlan(None, tuple(search.explain_failure()[-1]), search=search)
-    return GoalPlan(to_target(found[0], scene, road), (f"the place is {words}",), way, search=search)
+    told = (f"the place is {words}",)
+    return GoalPlan(to_target(found[0], scene, road), told, way, search=search, of_place=told)
 
 
 def _direction(direction: ShiftDirection, target: Target, item: SceneObject | None) -> FloatArray:

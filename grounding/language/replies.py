@@ -28,7 +28,7 @@ _PLAN_KINDS = (
     *("starting", "retelling"),
     *("atedge", "ourside", "otherside", "ourlane", "someplace", "anyplace", "upahead", "notback"),
     *("leaving", "leavingmore", "sufficing", "apart", "tooclose"),
-    *("hindering", "particle", "elsewherethan", "limit", "nextgap", "thatgap"),
+    *("hindering", "particle", "elsewherethan", "limit", "nextgap", "thatgap", "tous", "afterall"),
     *(
         "letting",
         "going",
@@ -74,6 +74,8 @@ _LEAST_RESPELLED = 3
 _ANYBODY = ("any", "anyone", "anybody", "someone", "somebody")
 # Prepositions before what a shift names: "closer to the van", "too close to it". They begin the rest of the reply.
 _TO_NAMED = {"near": ("to", "from"), "away": ("from", "to")}
+# Comparatives that what a shift names may follow at once: "nearer the van".
+_NEAR_NAMED, _THE = ("nearer", "closer"), "the"
 _SKIPPED = (WordCategory.FILLER, WordCategory.COMMA, WordCategory.BREAK, WordCategory.CORRECT)
 # Categories of words in an epithet, besides unknown words, and the most words.
 _EPITHETS = (WordCategory.EXTRA, WordCategory.PERSON, WordCategory.THING, WordCategory.SIZE, WordCategory.NOT)
@@ -217,14 +219,17 @@ def _split(words: tuple[str, ...], lexicon: Lexicon) -> tuple[tuple[str, ...], t
         if kind in _BEFORE_COMMA and (whole or words[end] != ","):
             break
         to_named = bool(kind) and not whole and words[end - 1] in _TO_NAMED.get(kind, ())
+        near_named = kind == "near" and not whole and words[end - 1] in _NEAR_NAMED and words[end] == _THE
         second_thought = kind in SHIFTS and not whole and words[end] in ",.;"  # "further on, behind it"
-        if not kind or not (whole or to_named or second_thought or kind in _LEADING):
+        if not kind or not (whole or to_named or near_named or second_thought or kind in _LEADING):
             break
         kinds.append(kind)
         if kind in _ASKING and not whole:
             return tuple(kinds), _without_tail(words[after:])  # "is there any van?" is no "any"
         if to_named:
             return tuple(kinds), _without_tail(words[end - 1 :])
+        if near_named:
+            return tuple(kinds), _without_tail(("to", *words[end:]))
         start = len(words) if whole else after
     return tuple(kinds), _without_tail(words[start:])
 

@@ -9,7 +9,9 @@ from grounding.dialogue.clauses import Words, clauses_of, is_phrase, whole_numbe
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import is_understood, names_pronoun
 from grounding.dialogue.places.shifts import change_distance, shift_last
+from grounding.dialogue.turns import Turn
 from grounding.goal.shift import Shift
+from grounding.language.reader.fields import NONE
 from grounding.language.replies import split_distance, words_end
 from grounding.language.syntax.lexicon import default_lexicon
 from grounding.query import Query
@@ -32,6 +34,24 @@ def answer_gap(talk: Conversation, text: str) -> Answer | None:
         return None
     (gap,) = named
     return shift_last(talk, text, Shift("away", gap.metres)) if gap.more else change_distance(talk, text, gap.metres)
+
+
+def take_gap(talk: Conversation, text: str, turn: Turn) -> Answer | None:
+    """Change the gap where the reader of turns finds a distance as the place and nothing else; None for other turns.
+
+    "Can you leave three metres, the tailgate has to come down".
+    """
+    request = talk.state.request
+    alone = turn.relation == turn.best("goal_side") == NONE and turn.described(None) is None
+    if (
+        request is None
+        or turn.act != "place"
+        or turn.distance_m is None
+        or not alone
+        or not _keeps_gap(request.query)
+    ):
+        return None
+    return change_distance(talk, text, turn.distance_m)
 
 
 def _keeps_gap(query: Query) -> bool:
@@ -72,9 +92,9 @@ def _is_meant(talk: Conversation, words: Words, request: Request) -> bool:
     if words[0] not in _TO_NAMED or not words[1:]:
         return False
     reading = talk.read(f"stop behind {' '.join(words[1:])}")
-    if names_pronoun(reading):
-        return True
     named, chosen = reading.query.referent, request.chosen
+    if names_pronoun(reading):
+        return named is None or not named.qualifiers  # "one metre to the left" is measured from nothing
     if named is None or chosen is None or not is_understood(reading):
         return False
     return any(one.id == chosen.item.id for one in find_all(named, talk.scene))

@@ -2,29 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from grounding.answer import Answer
+from grounding.answering import accept_proposal
+from grounding.dialogue.choices import confirm
+from grounding.dialogue.clauses import clauses_of, is_phrase
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import widen
 from grounding.dialogue.fragments import read_description
 from grounding.dialogue.merging import merge_request
 from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.telling.reports import ask_again, inform
+from grounding.goal.explanations import gap_beyond_m
+from grounding.goal.planner import Target
 from grounding.goal.shift import Shift
 from grounding.language.replies import Reply
 from grounding.query import Query
 from grounding.referent.resolver import resolve
-from grounding.requests import requests_of
+from grounding.requests import Request, requests_of
 from grounding.road.lane_model import LANE_M
-from grounding.vocabulary import LANDMARK_KINDS, ShiftDirection
+from grounding.vocabulary import LANDMARK_KINDS, Relation, ShiftDirection
 
 # Distance of "a bit", the same across our lane, and distances to another place than the goal.
 BIT_M, _ASIDE_M = 2.0, 0.5
 _ELSEWHERE_M = (6.0, 12.0, 18.0, 24.0)
+# Relations in line with a vehicle, by those at its other end.
+_OTHER_ENDS: Mapping[str, Relation] = {
+    **{"past": "before", "before": "past"},
+    **{"in_front_of": "behind", "behind": "in_front_of"},
+}
 # The opposite of each shift.
 _OPPOSITE: dict[ShiftDirection, ShiftDirection] = {
     **{"away": "near", "near": "away", "ahead": "back", "back": "ahead"},
@@ -32,20 +42,87 @@ _OPPOSITE: dict[ShiftDirection, ShiftDirection] = {
 }
 
 
+def offers_place(talk: Conversation) -> bool:
+    """Return whether the open question offers another place than the one that was asked for."""
+    question = talk.state.question
+    return question is not None and bool(question.plan.question) and question.plan.nearest is not None
+
+
+def accepted_offer(talk: Conversation) -> Request | None:
+    """Return the step with the place on offer, as if that was agreed to; None if no place is on offer."""
+    question, request = talk.state.question, talk.state.request
+    if question is None or request is None or question.plan.instead is not None or not offers_place(talk):
+        return None
+    return accept_proposal(request, question)
+
+
+def place_in_talk(talk: Conversation) -> Target | None:
+    """Return the place on offer, or else the place of the goal in force; None without one."""
+    question, goal = talk.state.question, talk.state.goal
+    if question is not None and offers_place(talk):
+        return question.plan.nearest
+    return goal.target if goal is not None else None
+
+
 def shift_last(talk: Conversation, text: str, shift: Shift) -> Answer:
-    """Move the goal in force."""
-    state = talk.state
-    if not state.plan or state.goal is None:
+    """Move the place on offer, which is agreed to then, or else the goal in force."""
+    state, offered = talk.state, accepted_offer(talk)
+    if offered is None and (not state.plan or state.goal is None):
         return ask_again(talk, text)
-    last = state.plan[-1]
+    last = offered or state.plan[-1]
     moved = replace(last, shifts=(*last.shifts, shift), reading=said(last.reading, text))
-    steps = (*state.plan[:-1], moved)
-    answer = talk.answer_steps(steps)
+    steps = state.with_request(moved) if offered else (*state.plan[:-1], moved)
+    answer = talk.answer_steps(steps, state.at if offered else -1)
     if answer.status == "ok":
         return talk.settle(steps, answer)
+    if offered is not None:
+        return replace(ask_again(talk, text), reasons=(f"there is no room {shift.words} of that place",))
     if shift.distance_m == BIT_M:
         return inform(talk, text, f"there is no room {shift.words}: the goal stays where it was")
     return replace(answer, reasons=(*answer.reasons, "the goal stays where it was"))
+
+
+def shift_place(talk: Conversation, text: str, reply: Reply, shift: Shift) -> Answer:
+    """Move the place in talk with respect to what a turn names, or to us, or else as the shift says."""
+    if moved := shift_from_named(talk, text, reply):
+        return moved
+    place = place_in_talk(talk)
+    if shift.direction not in ("near", "away") or place is None or not _names_us(talk, text):
+        return shift_last(talk, text, shift)
+    if shift.direction == "near" and (answer := _take_near_end(talk, text, place)):
+        return answer
+    approaches = _ahead_m(talk, place) > 0
+    return shift_last(
+        talk, text, replace(shift, direction="back" if approaches == (shift.direction == "near") else "ahead")
+    )
+
+
+def _names_us(talk: Conversation, text: str) -> bool:
+    """Return whether a clause of a turn ends in where we are: "closer to us"."""
+    return any(is_phrase("tous", words[i:]) for words in clauses_of(talk, text) for i in range(len(words)))
+
+
+def _ahead_m(talk: Conversation, place: Target) -> float:
+    """Return how far a place is ahead of us along its heading."""
+    along = np.array([np.cos(place.heading_ego_rad), np.sin(place.heading_ego_rad)])
+    return float((place.ego_m - [talk.scene.ego.centre_m, 0.0]) @ along)
+
+
+def _take_near_end(talk: Conversation, text: str, place: Target) -> Answer | None:
+    """Take the other end of the vehicle of the last command, if that is nearer to us; None where it is not."""
+    request = talk.state.request
+    relation = _OTHER_ENDS.get(request.query.relation) if request is not None else None
+    if request is None or relation is None or request.query.landmark != "referent":
+        return None
+    query = Query(text, relation=relation, landmark="referent")
+    steps = talk.state.with_request(
+        replace(merge_request(request, query), chosen=request.chosen, held=None, shifts=())
+    )
+    answer = talk.answer_steps(steps, talk.state.at)
+    if answer.status != "ok" or answer.target is None:
+        return None
+    nearer = abs(_ahead_m(talk, answer.target)) < abs(_ahead_m(talk, place))
+    return talk.settle(steps, answer) if nearer else None
 
 
 def move_elsewhere(talk: Conversation, text: str, directions: Sequence[ShiftDirection] = ("ahead", "back")) -> Answer:
@@ -66,7 +143,8 @@ def shift_from_named(talk: Conversation, text: str, reply: Reply) -> Answer | No
     """
     direction, state = reply.leading_shift, talk.state
     preposition, _, named = reply.rest.partition(" ")
-    if direction is None or preposition not in ("to", "from") or state.goal is None or state.question is not None:
+    lists = state.question is not None and not offers_place(talk)
+    if direction is None or preposition not in ("to", "from") or lists or place_in_talk(talk) is None:
         return None
     distance_m = reply.distance_m or BIT_M
     reading = read_description(named, talk.antecedent, talk.readings)
@@ -118,8 +196,8 @@ def _shift_from_kerb(talk: Conversation, text: str, reply: Reply) -> Answer | No
 
 
 def _direction_to_part_of_road(talk: Conversation, named: Query) -> ShiftDirection | None:
-    """Return where a landmark of the road, or the kerb, lies from the goal in force; None if a query names none."""
-    target, road = talk.state.goal.target if talk.state.goal else None, talk.scene.road
+    """Return where a landmark of the road, or the kerb, lies from the place in talk; None if a query names none."""
+    target, road = place_in_talk(talk), talk.scene.road
     if target is None or road is None:
         return None
     along_m, lateral_m = (float(each) for each in road.ego_lane.project(target.ego_m))
@@ -156,9 +234,24 @@ def change_distance(talk: Conversation, text: str, distance_m: float) -> Answer:
     request = talk.state.request
     if request is None:
         return ask_again(talk, text)
+    if offers_place(talk) and (answer := _leave_gap(talk, text, distance_m)):
+        return answer
     role = request.query.distance_of or ("referent" if request.query.referent else "ego")
     partial = Query(text, distance_m=float(distance_m), distance_of=role)
     return talk.take(talk.state.with_request(merge_request(request, partial)))
+
+
+def _leave_gap(talk: Conversation, text: str, distance_m: float) -> Answer | None:
+    """Take the place on offer with a gap to its vehicle, or with its own if that is larger; None without one."""
+    question, place = talk.state.question, place_in_talk(talk)
+    vehicle = question.referent if question is not None else None
+    if vehicle is None or place is None:
+        return None
+    gap_m = abs(gap_beyond_m(place.ego_m, place.heading_ego_rad, place.ego, vehicle.item))
+    if gap_m < distance_m:
+        return shift_last(talk, text, Shift("away", distance_m - gap_m))
+    taken = confirm(talk, text)
+    return replace(taken, reasons=(*taken.reasons, f"the gap to it is {gap_m:.1f} m: there is no room nearer to it"))
 
 
 def scale_distance(talk: Conversation, text: str, factor: float) -> Answer:

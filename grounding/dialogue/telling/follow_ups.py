@@ -9,6 +9,7 @@ from dataclasses import replace
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import has_verb
 from grounding.dialogue.telling.things import NAMING
+from grounding.dialogue.turns import names_command
 from grounding.language import WordCategory
 from grounding.language.questions import FurtherWords, Question, read_further_words
 from grounding.language.syntax.tokenizer import Token
@@ -36,6 +37,8 @@ def follow_up(talk: Conversation, text: str) -> Question | None:
     further = read_further_words(text, talk.grounder.lexicon) if last is not None and not talk.state.lists else None
     if last is None or further is None or (further.instead and talk.state.goal is not None):
         return None
+    if names_command(talk.read(text)):
+        return None  # "wait for him"
     if further.bare and (talk.state.request is not None or talk.state.question is not None):
         return None  # it changes what was asked for
     words = _AFTER.sub("beyond", further.words)

@@ -11,6 +11,7 @@ from street import EGO, Street
 
 from appocc.bevmap import LANE, ROAD, VEHICLE, BEVMap
 from appocc.grid import BEVGrid
+from grounding.goal.exclusions import ExcludedPlace
 from grounding.goal.planner import plan_goal
 from grounding.query import Query
 from grounding.road.road_map import RoadMap
@@ -67,11 +68,12 @@ def test_no_goal_violates_a_constraint(street: Street, query: Query, pick: int, 
         bev = BEVMap(bev.grid, occupancy, bev.occupancy_valid, bev.appearance, bev.appearance_valid)
     road = RoadMap.from_map(bev, scene.objects, EGO)
     item = partner = None
-    forbidden = []
+    excluded = []
     if query in WITH and scene.objects:
         item, partner = (scene.objects[(pick + step) % len(scene.objects)] for step in (0, 1))
-        forbidden = [("next_to", scene.objects[pick // 7 % len(scene.objects)])] if pick % 3 == 0 else []
-    made = plan_goal(query, scene, road, item, partner, forbidden)
+        other = scene.objects[pick // 7 % len(scene.objects)]
+        excluded = [ExcludedPlace("next_to", other)] if pick % 3 == 0 else []
+    made = plan_goal(query, scene, road, item, partner, excluded)
     check_invariants(made, scene, road)
     if any("have driven on" in reason for reason in made.reasons):
         later = road.after_traffic([one for one in (item, partner) if one])

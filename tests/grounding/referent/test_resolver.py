@@ -6,8 +6,8 @@ import pytest
 from asking import ask, best, car, row
 from street import BLACK, BLUE, RED, SILVER, WHITE, Street
 
-from grounding.query import Exclusion, Landmark, Query, Referent
 from grounding.goal.exclusions import resolve_exclusions
+from grounding.query import Exclusion, Landmark, Query, Referent
 from grounding.referent.resolver import resolve
 
 

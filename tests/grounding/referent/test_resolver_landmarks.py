@@ -9,8 +9,8 @@ import pytest
 from asking import SIZES_WLH_M, VAN_WLH_M, best, car, row
 from street import BLACK, BLUE, RED, WHITE, Street
 
-from grounding.query import Exclusion, Landmark, LandmarkRelation, Query, Referent
 from grounding.goal.exclusions import resolve_exclusions
+from grounding.query import Exclusion, Landmark, LandmarkRelation, Query, Referent
 from grounding.referent.resolver import resolve
 from grounding.referent.scene import SceneModel
 
