@@ -361,7 +361,8 @@ def _others_with_room(
 ) -> tuple[Candidate, ...]:
     """Return the next candidates of a definite referent ("the blue car") at which the command has a place."""
     named = request.query.referent
-    if named is None or not named.definite or request.chosen is not None or find_ordinals(named.qualifiers):
+    told = request.chosen is not None or request.query.relation == "between"
+    if named is None or not named.definite or told or find_ordinals(named.qualifiers):
         return ()
     others = resolution.candidates[1 : 1 + _MAX_OTHERS]
     return tuple(one for one in others if _plan(request, scene, road, one, exclusions, start).target is not None)

@@ -64,7 +64,8 @@ def propose_at_landmark(query: Query, part: Landmark, road: RoadMap) -> tuple[li
     spans = [one for one in spans if one.middle_m > beyond_m]
     number = next((ORDINALS[word] - 1 for word in part.qualifiers if word in ORDINALS), 0)
     if not spans:
-        return None, [f"no {kind} is known ahead of us"]
+        here = any(one.near_m <= front_m <= one.far_m for one in road.landmarks.spans(kind, road.ego_lane))
+        return None, [f"we are at the {kind} already" if here else f"no {kind} is known ahead of us"]
     if number >= len(spans):
         return None, [f"only {len(spans)} {kind}{'s' if len(spans) > 1 else ''} ahead of us: the map shows no more"]
     span = spans[number]

@@ -163,8 +163,10 @@ def _propose_with(query: Query, road: RoadMap, item: SceneObject, partner: Scene
     if action == "turn" and query.direction is None:
         return None, [WHICH_WAY]
     if query.direction == "around":
-        beyond_m = ReferenceVehicle(item, road, 0.0).lane_position[0] + item.length_m / 2 + _TURN_BEYOND_M
-        return ego_lane.propose_turned_around(road, beyond_m if relation == "past" else _TURN_M), []
+        along_m = ReferenceVehicle(item, road, 0.0).lane_position[0]
+        beyond_m = along_m + item.length_m / 2 + _TURN_BEYOND_M
+        ahead_m = _TURN_M if relation == "none" else beyond_m if relation == "past" else max(along_m, _TURN_M)
+        return ego_lane.propose_turned_around(road, ahead_m), []
     if relation == "none":
         if action in ("wait", "give_way", "turn") or (action == "other" and query.direction):
             return _propose_alone(query, road)
@@ -182,6 +184,8 @@ def _propose_short_of(query: Query, road: RoadMap, item: SceneObject) -> Proposa
     reference = ReferenceVehicle(item, road, 0.0)
     along, _ = reference.lane_position
     half_length = reference.half_extent_m(reference.travel_rad)
+    if along < 0 and query.action == "stop":  # "this gentleman wants to get in, stop for him"
+        return propose_relation("near", query, road, item)
     if along < 0 or (query.action != "stop" and not is_in_our_way(item, road)):
         return ego_lane.propose_in_lane(road, _SLOW_M, "in our lane"), ["it is not in our way"]
     most = along - half_length - road.ego.length_m / 2 - 1.0

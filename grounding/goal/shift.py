@@ -21,6 +21,8 @@ from grounding.vocabulary import ShiftDirection
 _WORDS = {"away": "farther away", "near": "closer", "leftwards": "to the left", "rightwards": "to the right"}
 # A goal is at most this far from the wanted place, and a shift at least this share of the wanted one, and this far.
 _TOLERANCE_M, _LEAST_SHARE, _LEAST_M = 1.2, 0.4, 0.1
+# Cosine of the largest angle of a goal along our lane.
+_ALONG_LANE = 0.9
 # Shares of a shift that are tried: where there is no room for all of it, a part of it is better than none.
 _SHARES = (1.0, 0.5, 0.25)
 
@@ -75,13 +77,16 @@ def shift_goal(
     if target is None:
         return goal_plan
     direction = _direction(shift.direction, target, item)
+    along_lane = item is None and shift.direction in ("ahead", "back", "away", "near")
     blocked: GoalPlan | None = None
     for share in _SHARES[: 1 if shift.whole else None]:
         length_m = max(share * shift.distance_m, road.grid.cell_m)  # no place is nearer to another one
-        wanted = target.ego_m + length_m * direction
-        moved = _plan_near(wanted, target.heading_ego_rad, shift.words, scene, road, item)
+        wanted, heading_rad = target.ego_m + length_m * direction, target.heading_ego_rad
+        if along_lane and (on_lane := _along_lane(target, length_m * direction, road)) is not None:
+            wanted, heading_rad = on_lane
+        moved = _plan_near(wanted, heading_rad, shift.words, scene, road, item)
         blocked = blocked or (moved if moved.target is None else None)
-        moved_m = 0.0 if moved.target is None else float((moved.target.ego_m - target.ego_m) @ direction)
+        moved_m = 0.0 if moved.target is None else _length_m(moved.target.ego_m - target.ego_m, wanted - target.ego_m)
         if moved_m >= max(_LEAST_SHARE * length_m, _LEAST_M):
             limit = "" if share == 1 else ": there is room for no more"
             reason = f"moved {moved_m:.1f} m as asked ({shift.words}){limit}"
@@ -137,6 +142,27 @@ def _plan_near(
         return GoalPlan(None, tuple(search.explain_failure()[-1]), search=search)
     told = (f"the place is {words}",)
     return GoalPlan(to_target(found[0], scene, road), told, way, search=search, of_place=told)
+
+
+def _along_lane(target: Target, moved_m: FloatArray, road: RoadMap) -> tuple[FloatArray, float] | None:
+    """Return the point (2,) of our lane that a shift (2,) along the heading of a goal leads to, and its heading.
+
+    None where the goal does not face along our lane, or the lane ends before that.
+    """
+    lane = road.ego_lane
+    along_m, lateral_m = (float(one) for one in lane.project(target.ego_m))
+    ahead_rad = float(lane.direction_rad(target.ego_m))
+    to_m = along_m + float(moved_m @ [np.cos(ahead_rad), np.sin(ahead_rad)])
+    if np.cos(target.heading_ego_rad - ahead_rad) < _ALONG_LANE or not lane.start_m < to_m < lane.end_m:
+        return None
+    turned = float(lane.heading_rad(np.array(to_m))) - ahead_rad
+    point = lane.offset_points(np.array([to_m]), lateral_m)[0]
+    return point, float(wrap_angle(target.heading_ego_rad + turned))
+
+
+def _length_m(moved: FloatArray, wanted: FloatArray) -> float:
+    """Return how far a move (2,) goes in the direction of the wanted one (2,)."""
+    return float(moved @ wanted / np.linalg.norm(wanted))
 
 
 def _direction(direction: ShiftDirection, target: Target, item: SceneObject | None) -> FloatArray:

@@ -56,7 +56,8 @@ def _has_other_colour(referent: Referent, row: int, word_fits: Mapping[str, floa
 
 def lacks_class(referent: Referent, row: int, word_fits: Mapping[str, float], scene: SceneModel) -> bool:
     """Return whether an object is of another class than the noun; arguments as in `question_about`."""
-    known = scene.table.class_names[row] != "vehicle" and referent.head in word_fits
+    item = scene.table.items[row]
+    known = item.class_name != "vehicle" and item.common_name != referent.noun and referent.head in word_fits
     return known and word_fits[referent.head] < _LEAST_CLASS_FIT
 
 

@@ -10,6 +10,7 @@ from grounding.referent.fuzzy import gaussian, rising
 from grounding.referent.object_table import ObjectTable
 from grounding.referent.ordinals import find_ordinals
 from grounding.referent.predicates import in_own_lane, is_ahead, is_facing_ego, is_standing
+from grounding.vocabulary import PERSON_NOUNS
 
 # Weight of an object behind the ego, also when objects are counted, and of one outside the forward field of view.
 _BEHIND, _BEHIND_COUNTED, _OUT_OF_VIEW = 0.2, 0.15, 0.8
@@ -113,6 +114,11 @@ def log_action_prior(query: Query, table: ObjectTable) -> FloatArray:
         fit = fit * (0.6 + 0.4 * gaussian(table.lateral_m, 4.0))
     elif query.action == "overtake":
         fit = (0.15 + 0.85 * in_own_lane(table)) * is_ahead(table) * (1 - 0.8 * is_facing_ego(table))
+    elif query.action == "approach" and query.relation == "toward":
+        leads = in_own_lane(table) * (1 - standing) * (table.along_m > 0) * (1 - is_facing_ego(table))
+        fit = 0.4 + 0.6 * leads
+    elif query.action in _YIELDING and query.trigger in ("clear", "turn") and _is_of_vehicles(query):
+        fit = (1 - 0.85 * standing) * (0.4 + 0.6 * in_own_lane(table))
     elif query.action in _YIELDING and query.trigger not in ("leave", "stop"):
         # Pedestrians who get the right of way may wait at the kerb; vehicles move.
         fit = _crosses_ego_path(table) * (1 - 0.7 * standing * table.is_vehicle)
@@ -130,6 +136,10 @@ def log_action_prior(query: Query, table: ObjectTable) -> FloatArray:
         fit = fit * (1 - 0.85 * standing)
     least = _LEAST_FOLLOWED if query.action == "follow" else _LEAST_PLAUSIBILITY
     return np.asarray(np.log(least + (1 - least) * fit))
+
+
+def _is_of_vehicles(query: Query) -> bool:
+    return query.referent is not None and query.referent.noun not in PERSON_NOUNS
 
 
 def _crosses_ego_path(table: ObjectTable) -> FloatArray:

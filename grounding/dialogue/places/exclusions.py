@@ -79,6 +79,8 @@ def _refused_place(talk: Conversation, words: Words, request: Request) -> Relati
     where = " ".join(words[start:])
     if not start or not begins_with_place(where, talk.readings):
         return None  # "not too close"
+    if talk.read(" ".join(words)).query.action == "avoid":
+        return None  # "not so close to it"
     placed = complete(where, request.query, talk.antecedent, talk.readings)
     named = placed is not None and names_pronoun(placed) and placed.query.relation != "none"
     return placed.query.relation if placed is not None and named else None

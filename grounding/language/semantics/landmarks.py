@@ -111,6 +111,8 @@ def written_noun(phrase: NounPhrase) -> str:
     if phrase.kind == "vehicle":
         return phrase.noun
     word = phrase.head
+    if word.startswith("where "):
+        return phrase.noun  # "where the road meets the next one"
     if phrase.number != 1:
         word = next((word.removesuffix(many) + one for many, one in _PLURALS if word.endswith(many)), word)
     written = word.replace(" ", "_")

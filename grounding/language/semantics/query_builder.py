@@ -135,9 +135,9 @@ def _query(
 
 
 def _is_any(main: MainIntent, referent: NounPhrase) -> bool:
-    """Return whether any of several will do: "until the people are over", "the street where the cars are parked"."""
+    """Return whether any of several will do: "until the people are over", "mind the parked cars"."""
     awaited = main.intent.action in ("wait", "give_way") and referent.kind == "person"
-    return awaited or main.intent.action == "turn"
+    return awaited or main.intent.action in ("turn", "avoid")
 
 
 def _manoeuvre(intents: Sequence[Intent]) -> str | None:

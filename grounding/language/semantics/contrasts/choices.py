@@ -90,6 +90,11 @@ def drop_prohibition(tokens: list[Token], match: re.Match[str]) -> list[Token] |
     return [] if len(values) == 1 else None
 
 
+def stop_elsewhere(tokens: list[Token], match: re.Match[str]) -> list[Token]:
+    """Rewrite "don't stop here, further up is better" to "stop further up"."""
+    return [*span(tokens, match, "verb"), *span(tokens, match, "chosen")]
+
+
 def correct_place(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
     """Rewrite "next to the van, not next to it, behind it" to "behind the van"."""
     first, same = tokens[match.start()], tokens[match.start("same")]
