@@ -189,7 +189,8 @@ def answer_turn(talk: Conversation, text: str) -> Answer:
     if is_misunderstood(answer):
         after, talk.state = talk.state, before
         clauses = _clauses_of(talk, text)
-        plain = len(clauses) > 1 and not any(one.may_do for one in clauses)
+        left_out = (one for one in clauses if one.is_chat and names_command(talk.read(one.text)))
+        plain = len(clauses) > 1 and not any(one.may_do for one in clauses) and not any(left_out)
         again = _answer_each(talk, clauses, reasons=False) if plain else None
         if again is not None and not is_misunderstood(again):
             return again

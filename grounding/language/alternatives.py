@@ -127,11 +127,21 @@ def split_alternatives(text: str, tokens: Sequence[Token]) -> Iterator[Alternati
     for wish, fallback in (*(() if states else _at_otherwise(words)), *_at_condition(words, tokens)):
         if wish and fallback:
             yield Alternatives(wish, fallback, True)
-    until = next((k for k, _ in enumerate(words.words) if words.end_of("whichever", k)), len(words.words))
+    until = _end_of_choice(words)
     end = words.spans[until - 1][1] if until else 0
     nearer = any(words.end_of("nearer", k) for k in range(until, len(words.words)))
     for wish, fallback in _at_or(text[:end].rstrip(" ,"), [token for token in tokens if token.end <= end]):
         yield Alternatives(wish, fallback, False, nearer)
+
+
+def _end_of_choice(words: Words) -> int:
+    """Return the end of the alternatives around an "or": before "whichever is closer", and "if there's no room"."""
+    for k, word in enumerate(words.words):
+        begin = words.end_of("if", k) if "or" in words.words[:k] else 0
+        hindered = begin and any(words.end_of("hindered", i) for i in range(begin, len(words.words)))
+        if words.end_of("whichever", k) or (hindered and word not in _MARKS):
+            return k
+    return len(words.words)
 
 
 def as_condition(text: str) -> str:

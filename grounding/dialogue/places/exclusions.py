@@ -77,10 +77,8 @@ def _refused_place(talk: Conversation, words: Words, request: Request) -> Relati
     """Return the place at the vehicle in force that a clause only refuses: "not behind it"; None for others."""
     start = words_end("elsewherethan", words, 0)
     where = " ".join(words[start:])
-    if not start or not begins_with_place(where, talk.readings):
-        return None  # "not too close"
-    if talk.read(" ".join(words)).query.action == "avoid":
-        return None  # "not so close to it"
+    if not start or words_end("tooclose", words, 0) or not begins_with_place(where, talk.readings):
+        return None  # "not too close to it"
     placed = complete(where, request.query, talk.antecedent, talk.readings)
     named = placed is not None and names_pronoun(placed) and placed.query.relation != "none"
     return placed.query.relation if placed is not None and named else None

@@ -115,7 +115,9 @@ def tag_ordinal(before: Sequence[Token], token: Token, after: Sequence[Token]) -
         category_at(after, 0) is WordCategory.VERB and after[0].value in TURNS
     )
     ends = not after or after[0].category in CLAUSE_ENDS | {WordCategory.COMMA, WordCategory.AND}
-    if token.value == "first" and ends and category_at(before, -1) in (WordCategory.NOUN, WordCategory.PERSON):
+    ordered = category_at(before, -1) in (WordCategory.NOUN, WordCategory.PERSON)
+    lets = any(one.value == "give_way" for one in before[clause_start(before) :])  # "let the van through first"
+    if token.value == "first" and ends and (ordered or (lets and category_at(before, -1) is WordCategory.RELATION)):
         return token.with_category(WordCategory.FILLER, "")
     begins = not before[clause_start(before) :] and category_at(after, 0) is WordCategory.VERB and not turning
     if token.value == "first" and begins:
