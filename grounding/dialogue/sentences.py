@@ -368,12 +368,8 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
         reading = talk.read(reply.rest.removeprefix("the "))  # "skip the stop"
     if ("without" in reply.kinds or ("cancel" in reply.kinds and not has_verb(reading))) and reading.query.action:
         return drop_steps(talk, text, reading.query.action)
-    if (
-        "yes" in reply.kinds
-        and reading.query.direction == "around"
-        and state.question
-        and state.question.plan.question
-    ):
+    turns = "yes" in reply.kinds and reading.query.direction == "around"
+    if turns and state.question and state.question.plan.question:
         return confirm(talk, text)
     if answer := shift_from_named(talk, text, reply):
         return answer

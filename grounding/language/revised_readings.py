@@ -34,6 +34,7 @@ _SIDES: dict[str, dict[str, Any]] = {
 }
 _FORETELLING = [WordCategory.PRONOUN, WordCategory.AUX]
 _MARKS = (WordCategory.COMMA, WordCategory.BREAK)
+_NEGATIVE = ("no", "not", "never")
 
 
 def evidence_of(reading: Reading) -> Evidence:
@@ -52,7 +53,7 @@ def evidence_of(reading: Reading) -> Evidence:
 
 def _negates(token: Token) -> bool:
     """Return whether a word negates, excepts or corrects something: "not", "not far from", "no further than"."""
-    return token.category in POLARITY or not {"no", "not"}.isdisjoint(token.text.split())
+    return token.category in POLARITY or any(word in _NEGATIVE or word.endswith("n't") for word in token.text.split())
 
 
 def _stops_doing(token: Token, following: Token) -> bool:

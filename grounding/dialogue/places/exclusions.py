@@ -48,8 +48,10 @@ def answer_exclusion(talk: Conversation, text: str) -> Answer | None:
 
 def _limited(talk: Conversation, text: str, words: Words) -> Answer | None:
     """Keep a goal that is not beyond what a turn forbids to pass, else stop short of that; None for other turns."""
-    reading, goal, road = talk.read(" ".join(words)), talk.state.goal, talk.scene.road
-    if reading.query.limit is None or not is_understood(reading) or goal is None or road is None:
+    said_alone, goal, road = " ".join(words), talk.state.goal, talk.scene.road
+    readings = (talk.readings(said_alone)[0], talk.read(said_alone))
+    reading = next((one for one in readings if one.query.limit and is_understood(one)), None)
+    if reading is None or goal is None or road is None:
         return None
     meant = talk.meant if names_pronoun(reading) else None
     step = Request(reading=said(reading, text), chosen=meant)
