@@ -203,11 +203,12 @@ def test_a_pair_is_offered_once() -> None:
     assert len(options) == len(set(options))
 
 
-def test_a_pickup_is_asked_about_for_a_lorry() -> None:
+def test_a_pickup_is_a_lorry_where_it_is_called_a_truck() -> None:
     street = Street().car("t", -12, 0, (110, 60, 30), size_wlh_m=(1.9, 5.3, 1.8), category="vehicle.truck")
     answer = ask("let the brown lorry by", street)
-    assert answer.status == "ambiguous"
-    assert answer.candidates[0].item.id == "t"
+    assert answer.status == "ok"
+    assert answer.referent is not None
+    assert answer.referent.item.id == "t"
 
 
 def test_who_waits_is_in_our_lane() -> None:

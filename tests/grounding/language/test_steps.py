@@ -74,9 +74,13 @@ def test_words_without_use_are_told() -> None:
     assert parse("park behind the red car").dropped == ()
 
 
-@pytest.mark.parametrize("text", ["park behind the green car, green truck", "park wherever there is no bus"])
-def test_a_dropped_word_that_changes_the_place_is_in_doubt(text: str) -> None:
-    assert parse(text).doubt
+def test_a_dropped_word_that_changes_the_place_is_in_doubt() -> None:
+    assert parse("park behind the green car, green truck").doubt
+
+
+def test_where_something_is_not_is_away_from_it() -> None:
+    (excluded,) = parse("park wherever there is no bus").query.excluded
+    assert (excluded.relation, excluded.noun) == ("near", "bus")
 
 
 def test_a_manner_is_no_doubt() -> None:
