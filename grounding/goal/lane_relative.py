@@ -148,4 +148,4 @@ def propose_between(item: SceneObject, partner: SceneObject, road: RoadMap) -> P
         gap_m=np.minimum(first, second),
         gap_kind="from the nearer of them",
     )
-    return [candidates], [f"the two stand {max(room, 0.0):.1f} m apart"]
+    return [candidates], [f"the two stand {max(room, 0.0):.1f} m apart, we are {road.ego.length_m:.1f} m long"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -13,19 +12,37 @@ from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.telling.measures import describe_one
 from grounding.dialogue.telling.reports import aside, unknown
 from grounding.dialogue.telling.things import describe_thing, find_things, names_thing
+from grounding.language import Reading, WordCategory
 from grounding.language.questions import Question
-from grounding.referent.resolver import MAX_CANDIDATES, find_all
+from grounding.referent.resolver import MAX_CANDIDATES, Candidate, find_all, resolve
+from grounding.referent.scene import SceneModel
 from grounding.scene_object import SceneObject
 
 # What lies between two things is at most this far beside the line between them.
 _BESIDE_M, _IN_ROW_M = 3.5, 1.5
-_AND = re.compile(r"\b(?:and|from)\b")
+# Words that part two things: "the van and the bus", "from the van to the bus".
+_PARTING = ("and", "from", "to")
 
 
-def names_two(talk: Conversation, words: str) -> bool:
-    """Return whether words name two things with a distance between them: "the red car from the van"."""
-    first, *others = _AND.split(words)
-    return len(others) == 1 and names_thing(talk, first) and names_thing(talk, others[0])
+def split_two(talk: Conversation, words: str) -> tuple[str, str] | None:
+    """Return the words about each of two things: "the red car from the van"; None for other words."""
+    texts = [one.text for one in talk.read(words).tokens if one.category is not WordCategory.BETWEEN] if words else []
+    texts = texts[1:] if texts[:1] == ["from"] else texts
+    for at, text in enumerate(texts):
+        first, second = " ".join(texts[:at]), " ".join(texts[at + 1 :])
+        if text in _PARTING and names_thing(talk, first) and names_thing(talk, second):
+            return first, second
+    return None
+
+
+def find_pair(talk: Conversation, words: str) -> tuple[Reading, Candidate] | None:
+    """Return the gap between two vehicles that words name, and both as one candidate; None for other words."""
+    two = split_two(talk, words)
+    reading = talk.readings(f"park between {' and '.join(two)}" if two else f"park {words}")[0]
+    if reading.problem or reading.query.relation != "between":
+        return None
+    pair = next((one for one in resolve(reading.query, talk.scene).candidates if one.partner is not None), None)
+    return None if pair is None else (reading, pair)
 
 
 def tell_between(talk: Conversation, text: str, question: Question) -> Answer | None:
@@ -48,22 +65,29 @@ def tell_apart(talk: Conversation, text: str, question: Question) -> Answer | No
     if len(ends) < 2:
         told = [describe_one(one, talk.scene) for one in ends]
         return aside(talk, text, *told, *reasons) if told or reasons else unknown(talk, text, "a distance of what")
-    gap_m = _gap_m(ends[0].footprint(), ends[1].footprint())
     talk.list_items(ends)
-    told = [describe_one(one, talk.scene) for one in ends]
-    return aside(talk, text, f"{gap_m:.1f} m from {told[0]} to {told[1]}")
+    return aside(talk, text, describe_apart(ends[0], ends[1], talk.scene))
+
+
+def describe_apart(one: SceneObject, other: SceneObject, scene: SceneModel) -> str:
+    """Tell how far the outlines of two things are apart."""
+    between_m = _gap_m(one.footprint(), other.footprint())
+    return f"{between_m:.1f} m from {describe_one(one, scene)} to {describe_one(other, scene)}"
 
 
 def _find_ends(talk: Conversation, question: Question) -> tuple[list[SceneObject], tuple[str, ...]]:
     """Return the things that a question names, at most two, and why one is not found."""
-    ends, reasons = list[SceneObject](), list[str]()
     if len(both := _find_told(talk)) > 1 and not names_thing(talk, question.words) and "both" in question.kinds:
         return both, ()
-    for words in filter(None, (one.strip() for one in _AND.split(question.words))) if question.words else ("",):
+    ends, reasons, asked = list[SceneObject](), list[str](), talk.state.question
+    two = split_two(talk, question.words)
+    for words in two or (question.words,):
         things = find_things(talk, Question(("what",), words))
-        both = _find_both(talk, words)
-        ends += both or [one for one in things.items if one not in ends][:1]
+        ends += _find_both(talk, words) or [one for one in things.items if one not in ends][:1]
         reasons += things.reasons
+        if two:  # "the one behind it" is at the first of the two, whatever is asked
+            talk.state = replace(talk.state, question=None)
+    talk.state = replace(talk.state, question=asked)
     return ends[:2], tuple(reasons)
 
 

@@ -10,7 +10,7 @@ from functools import partial
 from appocc.motion_state import MOVING_MPS
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.telling.between import names_two, tell_apart, tell_between
+from grounding.dialogue.telling.between import split_two, tell_apart, tell_between
 from grounding.dialogue.telling.follow_ups import follow_up
 from grounding.dialogue.telling.found import BEFORE, tell_found
 from grounding.dialogue.telling.landmarks import tell_landmarks
@@ -37,7 +37,7 @@ from grounding.dialogue.telling.reports import (
     tell_vehicle,
     unknown,
 )
-from grounding.dialogue.telling.room import tell_room, tell_spot
+from grounding.dialogue.telling.room import tell_gap_between, tell_room, tell_spot
 from grounding.dialogue.telling.stance import (
     names_one_beside_us,
     tell_beside,
@@ -153,7 +153,7 @@ def _tell_facing(talk: Conversation, text: str, question: Question) -> Answer | 
 
 def _tell_distance(talk: Conversation, text: str, question: Question) -> Answer | None:
     """Tell how far away a vehicle is; the goal, if no other vehicle is named."""
-    if names_two(talk, question.words):
+    if split_two(talk, question.words):
         return tell_apart(talk, text, question)  # "how far is the van from the bus?"
     at_place = {"there", "kerb"} & {*question.kinds} or is_at_it(talk, question.words)
     if at_place and (told_there := tell_at_place(talk, text, question)):
@@ -246,8 +246,10 @@ def _tell_gap(talk: Conversation, text: str, question: Question) -> Answer | Non
         return tell_sides(talk, text, question)
     if "upto" in question.kinds and question.words and not of_place:
         return tell_at_place(talk, text, question) or _tell_distance(talk, text, question)
+    if told := tell_gap_between(talk, text, question.words):
+        return told  # "how big is the gap between the van and the bus?"
     if names_thing(talk, question.words) and not of_place:
-        return tell_room(talk, text, question.words)  # "how big is the gap between the van and the bus?"
+        return tell_room(talk, text, question.words)
     if place is None:
         others = _tell_each(talk, text, question, describe_one)  # "is he too close?", of one behind us
         return others or unknown(talk, text, "a gap without a goal")

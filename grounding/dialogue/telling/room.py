@@ -9,6 +9,7 @@ from grounding.answer import Answer
 from grounding.describe import describe_object
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import complete, has_verb, is_understood, names_pronoun, read_description
+from grounding.dialogue.telling.between import describe_apart, find_pair
 from grounding.dialogue.telling.measures import describe_gap
 from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.telling.reports import aside, ask_again, inform, not_understood, unknown
@@ -43,6 +44,17 @@ def tell_spot(talk: Conversation, text: str, words: str) -> Answer:
     if words and _read_place(talk, words, Query("", "park")) is not None:
         return tell_room(talk, text, words)
     return propose(talk, text, [Request(reading=Reading(Query(text, "park", ("park",))))])
+
+
+def tell_gap_between(talk: Conversation, text: str, words: str) -> Answer | None:
+    """Tell how long the gap between two vehicles is and whether there is room in it; None for other words."""
+    found = find_pair(talk, words)
+    if found is None or found[1].partner is None:
+        return None
+    reading, pair = found
+    told = propose(talk, text, [replace(one, chosen=pair) for one in requests_of(said(reading, text))])
+    apart, (answer, *why) = describe_apart(pair.item, found[1].partner, talk.scene), told.reasons
+    return replace(told, reasons=(apart, f"there is {'room' if answer == 'yes' else 'no room'} for us", *why))
 
 
 def _read_place(talk: Conversation, words: str, base: Query) -> Reading | None:
@@ -107,7 +119,9 @@ def _tell_at_each(
     told = list[str]()
     for one in candidates:
         chosen = (*steps[:at], replace(steps[at], chosen=one), *steps[at + 1 :])
-        room = "yes" if talk.answer_steps(chosen, at).status == "ok" else "no"
+        answer = talk.answer_steps(chosen, at)
         names = (describe_object(item, talk.scene) for item in (one.item, one.partner) if item is not None)
-        told.append(f"{room}, if the {' and the '.join(names)} is meant")
+        meant = f"if the {' and the '.join(names)} is meant"
+        why = "; ".join((answer.steps[at] if answer.steps else answer).plan.reasons)
+        told.append(f"yes, {meant}" if answer.status == "ok" else f"no, {meant}: {why}")
     return aside(talk, text, *told)
