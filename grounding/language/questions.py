@@ -18,6 +18,8 @@ from grounding.language.syntax.word_categories import MODIFIERS, NOUNS, WordCate
 
 _FILE = "questions.txt"
 _LIMIT = "limit: "
+# Comparatives: kinds of their own where things to compare are named.
+_MORE = "more: "
 # Sections that tell how a question begins, and words that name no thing; the others are kinds.
 _FRAME = (
     "lead",
@@ -53,6 +55,8 @@ _FURTHER = (
     "sideways",
     "upto",
     "both",
+    "among",
+    "than",
 )
 # Kinds whose words describe a thing if its noun follows: "the moving van", "the light green car".
 _MOTION = ("moving", "standing")
@@ -86,7 +90,8 @@ _OF_OPTIONS = (
         "which",
     ),
 )
-_CHOICE, _MAX_OFFERED = ("is", "are", "was", "were"), 10
+_OURS = frozenset(("us", "me", "ours"))
+_CHOICE, _MAX_OFFERED = ("is", "are", "was", "were"), 14
 # What closes a correction of a question, and most words of what follows one up.
 _ONLY = frozenset(("just", "only"))
 _I_MEAN, _MAX_FURTHER = (("i", "mean"), ("i", "meant")), 9
@@ -122,6 +127,11 @@ class Question:
         return self.kinds[0] if self.kinds else ""
 
     @property
+    def comparative(self) -> str:
+        """The comparative of a comparison: "nearer"; '' for other questions."""
+        return self.kind.removeprefix(_MORE) if self.kind.startswith(_MORE) else ""
+
+    @property
     def limit(self) -> str:
         """What is asked and never known; '' for other questions."""
         return self.kind.removeprefix(_LIMIT) if self.kind.startswith(_LIMIT) else ""
@@ -144,11 +154,16 @@ def read_question(text: str, lexicon: Lexicon | None = None) -> Question | None:
     words, written, offered = words[:comma], written[:comma], written[comma + 1 :]
     if start is None or _says_more(words[start:]):
         return None
-    if _find("elsewhere", words, max(start, _end("asking", words, start)), lexicon):
-        return None
     kinds = (kind for kind in read_sections(_FILE) if kind not in _FRAME)
     spans = {kind: span for kind in kinds if (span := _find(kind, words, start, lexicon))}
-    main = next((kind for kind in spans if kind not in _FURTHER), "")
+    # "Is it wider than us?" is about one thing.
+    than = "than" in spans and _OURS.isdisjoint(words[spans["than"][1] :])
+    several = bool(offered) or "or" in words or "among" in spans or than
+    compared = next((kind for kind in spans if kind.startswith(_MORE) and several), "")
+    if not compared and _find("elsewhere", words, max(start, _end("asking", words, start)), lexicon):
+        return None
+    spans = {kind: span for kind, span in spans.items() if kind == compared or not kind.startswith(_MORE)}
+    main = compared or next((kind for kind in spans if kind not in _FURTHER), "")
     telling = (*_MOTION,) if main in _MOTION and "or" in words else (main,)  # "is it parked or moving?"
     gone = {i for kind in telling if kind in spans for i in range(*spans[kind])}
     kept = [i for i in range(start, len(words)) if i not in gone]
@@ -158,11 +173,11 @@ def read_question(text: str, lexicon: Lexicon | None = None) -> Question | None:
     kept = kept[:until]
     about = _about(tuple(words[i] for i in kept), tuple(written[i] for i in kept))
     event = until is not None or (main in _MOTION and words[start] in _PAST)
-    options = _split_options(offered or about.split())
+    options = _split_options(offered or about.split(), "than" if compared and "than" in spans else "or")
     if options and not main and words[start] in _CHOICE:
         main = "which"  # "is the van nearer or the bus?"
     others = (kind for kind in spans if kind != main)
-    about = "" if options and not offered and main in _OF_OPTIONS else about
+    about = "" if options and (compared or (not offered and main in _OF_OPTIONS)) else about
     return Question((main, *others) if main else (), about, not _US.isdisjoint(words[start:]), event, options)
 
 
@@ -226,11 +241,11 @@ def _comma_before_options(words: tuple[str, ...]) -> int:
     return comma if offers and not any(word in ".;!," for word in after) else len(words)
 
 
-def _split_options(written: Sequence[str]) -> tuple[str, ...]:
-    """Return the words about each of the things to choose from; nothing if there is no choice."""
-    if "or" not in written:
+def _split_options(written: Sequence[str], parting: str) -> tuple[str, ...]:
+    """Return the words about each of two things that a word parts; nothing if there are none."""
+    if parting not in written:
         return ()
-    at = written.index("or")
+    at = written.index(parting)
     halves = (tuple(written[:at]), tuple(written[at + 1 :]))
     options = tuple(_about(tuple(word.replace("'", "") for word in half), half) for half in halves)
     return options if all(options) else ()

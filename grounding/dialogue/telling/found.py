@@ -11,11 +11,11 @@ from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import find_fitting
 from grounding.dialogue.telling.measures import describe_one
 from grounding.dialogue.telling.reports import NOT_KNOWN, aside, ask_again, tell_seen, unknown
-from grounding.dialogue.telling.things import DESCRIBING, describe_any, find_by_it, name_unmapped
+from grounding.dialogue.telling.things import DESCRIBING, describe_any, find_by_it, find_told, name_unmapped
 from grounding.language import Reading, WordCategory
 from grounding.language.questions import Question
 from grounding.language.syntax.word_categories import NOUNS
-from grounding.query import Query, Referent
+from grounding.query import Referent
 from grounding.referent.resolver import MAX_CANDIDATES, Candidate, find_all, resolve
 from grounding.scene_object import SceneObject
 from grounding.vocabulary import PERSON_NOUNS
@@ -120,11 +120,8 @@ def _find_among_told(talk: Conversation, reading: Reading) -> list[Candidate]:
     counts = any(one.category in _COUNTING for one in reading.tokens)
     if not counts or any(one.category in _PLACING and one.text not in last.question.words for one in reading.tokens):
         return []
-    most = len(talk.scene.table.items)
-    queries = (Query("", referent=Referent(noun, noun, definite=False)) for noun in ("vehicle", "person"))
-    found = [one for query in queries for one in resolve(query, talk.scene, most).candidates]
     sought = replace(reading.query, referent=replace(referent, anaphora=True, in_line=False))
-    return find_fitting(reading.with_query(sought), [one for one in found if one.item.id in last.ids], talk.scene)
+    return find_fitting(reading.with_query(sought), find_told(talk), talk.scene)
 
 
 def _all_like(talk: Conversation, sought: Referent) -> list[SceneObject]:

@@ -11,6 +11,7 @@ from appocc.motion_state import MOVING_MPS
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.telling.between import split_two, tell_apart, tell_between
+from grounding.dialogue.telling.comparing import tell_compared
 from grounding.dialogue.telling.follow_ups import follow_up
 from grounding.dialogue.telling.found import BEFORE, tell_found
 from grounding.dialogue.telling.landmarks import tell_landmarks
@@ -103,6 +104,8 @@ def _answer(talk: Conversation, text: str, question: Question) -> Answer | None:
         return told
     if question.limit:
         return unknown(talk, text, question.limit)
+    if question.comparative:
+        return tell_compared(talk, text, question)
     if question.options and question.kind in _FOUND and not names_thing(talk, question.words):
         return _tell_each(talk, text, question, describe_one)
     answer = _ANSWERS.get(question.kind)  # a kind that only tells more of another one is not asked alone

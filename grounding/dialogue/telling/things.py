@@ -11,7 +11,7 @@ from grounding.dialogue.fragments import only_named, read_description
 from grounding.dialogue.telling.measures import describe_one
 from grounding.language import Reading, WordCategory
 from grounding.language.questions import Question
-from grounding.query import Query
+from grounding.query import Query, Referent
 from grounding.referent.resolver import Candidate, Resolution, resolve
 from grounding.referent.spatial_relations import fit_relation
 from grounding.scene_object import SceneObject
@@ -126,6 +126,16 @@ def find_by_it(talk: Conversation, words: str, reading: Reading) -> Resolution |
         farther = (f"beyond it, as we drive: {describe_one(beyond, talk.scene)}",) if beyond is not None else ()
         return Resolution("not_found", (), (f"nothing is seen {by[0].relation.replace('_', ' ')} it", *farther))
     return Resolution("ok", tuple(there), ())
+
+
+def find_told(talk: Conversation) -> list[Candidate]:
+    """Return what the answer told that this turn may follow up, nearest first."""
+    ids, most = talk.told_ids(), len(talk.scene.table.items)
+    queries = (
+        (Query("", referent=Referent(noun, noun, definite=False)) for noun in ("vehicle", "person")) if ids else ()
+    )
+    found = (one for query in queries for one in resolve(query, talk.scene, most).candidates)
+    return sorted((one for one in found if one.item.id in ids), key=lambda one: one.item.distance_m(talk.scene.ego))
 
 
 def _find_beyond(talk: Conversation, row: int) -> SceneObject | None:

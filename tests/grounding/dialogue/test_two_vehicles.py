@@ -9,7 +9,7 @@ from grounding.dialogue.session import Session
 
 
 def drive() -> Session:
-    """A row at the kerb of a blue, a white and a red car with one long gap, a van across the road, a car behind us."""
+    """A row at the kerb of a blue, a white and a red car with a long gap, a van across the road, a car behind us."""
     street = Street().car("blue", 12, -6, BLUE).car("white", 18, -6, WHITE).car("red", 32, -6, RED)
     street.car("van", 14, 6, GREEN, size_wlh_m=(2.0, 5.2, 2.2)).car("black", -12, 0, BLACK, speed_mps=3.0)
     return street.grounder().session()
@@ -34,3 +34,15 @@ def test_a_gap_between_two_vehicles_can_be_taken() -> None:
     session = drive()
     told(session, "how big is the gap between the white car and the red car?")
     assert session.say("ok, take it").target is not None
+
+
+@pytest.mark.parametrize(
+    ("text", "first"),
+    [
+        ("which is closer, the blue car or the van?", "blue"),
+        ("is the red car nearer than the white car?", "no: nearer is the white"),
+        ("who is farther away, the red car or the blue one?", "farther is the red"),
+    ],
+)
+def test_two_things_are_compared(text: str, first: str) -> None:
+    assert first in told(drive(), text)

@@ -1,0 +1,90 @@
+"""Answers that compare things: which of them is nearer, larger or faster."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from grounding.answer import Answer
+from grounding.dialogue.conversation import Conversation
+from grounding.dialogue.descriptions import find_fitting
+from grounding.dialogue.telling.measures import describe_one, describe_size
+from grounding.dialogue.telling.reports import aside, unknown
+from grounding.dialogue.telling.things import Things, describe_thing, find_things, find_told
+from grounding.language import WordCategory
+from grounding.language.questions import Question
+from grounding.referent.resolver import Candidate
+from grounding.scene_object import SceneObject
+
+# Things whose measures differ by a smaller share are about the same.
+_ALIKE = 0.03
+
+
+def _volume_m3(item: SceneObject) -> float | None:
+    return None if item.height_m is None else item.length_m * item.width_m * item.height_m
+
+
+_SIZES: Mapping[str, Callable[[SceneObject], float | None]] = {
+    "larger": _volume_m3,
+    "longer": lambda item: item.length_m,
+    "wider": lambda item: item.width_m,
+    "taller": lambda item: item.height_m,
+}
+# The comparatives of the other direction.
+_OPPOSITE = {
+    "nearer": "farther",
+    "smaller": "larger",
+    "shorter": "longer",
+    "narrower": "wider",
+    "lower": "taller",
+    "slower": "faster",
+}
+
+
+def tell_compared(talk: Conversation, text: str, question: Question) -> Answer | None:
+    """Tell which of several things is more so, and each of them; None without several."""
+    items, reasons = _find_compared(talk, question)
+    if len(items) < 2:
+        return aside(talk, text, *(describe_one(one, talk.scene) for one in items), *reasons) if reasons else None
+    word = _OPPOSITE.get(question.comparative, question.comparative)
+    measured = [_measure(talk, word, one) for one in items]
+    values = [one for one in measured if one is not None]
+    if len(values) < len(items):
+        return unknown(talk, text, f"which one is {question.comparative}")
+    best = (max if word == question.comparative else min)(values)
+    first, *others = sorted(zip(values, range(len(items)), strict=True), key=lambda one: abs(one[0] - best))
+    told = [items[number] for _, number in (first, *others)]
+    talk.list_items(told)
+    alike = abs(others[0][0] - best) < _ALIKE * max(map(abs, values))
+    yes = ("yes: " if first[1] == 0 and not alike else "no: ") if "than" in question.kinds else ""
+    tell = describe_size if word in _SIZES else describe_one
+    lead = "about the same: " if alike else f"{question.comparative} is "
+    return aside(talk, text, f"{yes}{lead}{tell(told[0], talk.scene)}", *(tell(one, talk.scene) for one in told[1:]))
+
+
+def _measure(talk: Conversation, word: str, item: SceneObject) -> float | None:
+    """Return what a comparative compares of a thing; None where it is not known."""
+    if word == "farther":
+        return item.distance_m(talk.scene.ego)
+    return item.speed_mps if word == "faster" else _SIZES[word](item)
+
+
+def _find_compared(talk: Conversation, question: Question) -> tuple[list[SceneObject], tuple[str, ...]]:
+    """Return the things that a question compares, and why one is not found: those it names, else those told last."""
+    asked = talk.state.question
+    known = asked.candidates if asked is not None and len(asked.candidates) > 1 else find_told(talk)
+    if not question.options:
+        return [one.item for one in known], ()
+    found, reasons = list[SceneObject](), list[str]()
+    for words in question.options:
+        things = _find_among(talk, words, known) or find_things(talk, Question(("what",), words))
+        found += [one for one in things.items if one not in found][:1]
+        reasons += things.reasons
+    return found, tuple(reasons)
+
+
+def _find_among(talk: Conversation, words: str, known: Sequence[Candidate]) -> Things | None:
+    """Return which of several known things a description without a noun fits: "the left one"; None for others."""
+    reading = describe_thing(talk, words)
+    one_of = any(one.category is WordCategory.ONE for one in talk.read(words).tokens)
+    fitting = find_fitting(reading, known, talk.scene) if reading is not None and one_of else []
+    return Things(tuple(fitting)) if fitting else None
