@@ -237,7 +237,8 @@ def _split(words: tuple[str, ...], lexicon: Lexicon) -> tuple[tuple[str, ...], t
 def _longest_match(words: tuple[str, ...], start: int) -> tuple[int, str]:
     """Return the end and the kind of the longest reply from a word on; the kind is '' if there is none."""
     matched = _replies().longest_match(words, start)
-    if matched is None or words_end("limit", words, start) > matched[0]:  # "no faster than 25" begins with no "no"
+    # "No faster than 25" begins with no "no", nor does "actually no further than the van".
+    if matched is None or any(words_end("limit", words, i) > matched[0] for i in (start, matched[0] - 1)):
         return start, ""
     return matched[0], matched[1].value
 
@@ -251,7 +252,9 @@ def _skip(words: tuple[str, ...], start: int, lexicon: Lexicon) -> int:
         matched = _replies("skip").longest_match(words, start) or lexicon.longest_match(words, start)
         if words[start] not in ",.;!?" and (matched is None or matched[1].category not in _SKIPPED):
             break
-        start = matched[0] if matched else start + 1
+        end = matched[0] if matched else start + 1
+        limits = end - 1 > start and words_end("limit", words, end - 1) > end  # "actually no further than the van"
+        start = end - limits
     return start
 
 

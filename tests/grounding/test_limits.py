@@ -152,3 +152,11 @@ def test_a_fallback_behind_its_condition() -> None:
     reading = parse("stop behind the red car, or at the kerb if there's no room")
     assert reading.otherwise is not None
     assert reading.otherwise.query.road_side == "kerb"
+
+
+def test_a_correction_to_a_limit_is_no_shift() -> None:
+    talk = session(PARKED)
+    talk.say("stop past the red car")
+    answer = talk.say("actually no further than the red car")
+    assert answer.target is not None
+    assert answer.target.ego_m[0] < 24 - 2.3

@@ -49,7 +49,7 @@ def answer_exclusion(talk: Conversation, text: str) -> Answer | None:
 def _limited(talk: Conversation, text: str, words: Words) -> Answer | None:
     """Keep a goal that is not beyond what a turn forbids to pass, else stop short of that; None for other turns."""
     said_alone, goal, road = " ".join(words), talk.state.goal, talk.scene.road
-    readings = (talk.readings(said_alone)[0], talk.read(said_alone))
+    readings = (talk.readings(said_alone, alone=False)[0], talk.read(said_alone))
     reading = next((one for one in readings if one.query.limit and is_understood(one)), None)
     if reading is None or goal is None or road is None:
         return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
@@ -12,6 +13,7 @@ from grounding.dialogue.telling.reports import aside, unknown
 from grounding.dialogue.telling.things import Things, describe_thing, find_things, find_told
 from grounding.language import WordCategory
 from grounding.language.questions import Question
+from grounding.query import Referent
 from grounding.referent.resolver import Candidate
 from grounding.scene_object import SceneObject
 
@@ -42,7 +44,8 @@ _OPPOSITE = {
 
 def tell_compared(talk: Conversation, text: str, question: Question) -> Answer | None:
     """Tell which of several things is more so, and each of them; None without several."""
-    items, reasons = _find_compared(talk, question)
+    found, reasons = _find_compared(talk, question)
+    items = [one.item for one in found]
     if len(items) < 2:
         return aside(talk, text, *(describe_one(one, talk.scene) for one in items), *reasons) if reasons else None
     word = _OPPOSITE.get(question.comparative, question.comparative)
@@ -54,6 +57,8 @@ def tell_compared(talk: Conversation, text: str, question: Question) -> Answer |
     first, *others = sorted(zip(values, range(len(items)), strict=True), key=lambda one: abs(one[0] - best))
     told = [items[number] for _, number in (first, *others)]
     talk.list_items(told)
+    name = told[0].common_name
+    talk.state = replace(talk.state, focus=(found[first[1]], Referent(name, name)))  # "park behind it"
     alike = abs(others[0][0] - best) < _ALIKE * max(map(abs, values))
     yes = ("yes: " if first[1] == 0 and not alike else "no: ") if "than" in question.kinds else ""
     tell = describe_size if word in _SIZES else describe_one
@@ -68,18 +73,19 @@ def _measure(talk: Conversation, word: str, item: SceneObject) -> float | None:
     return item.speed_mps if word == "faster" else _SIZES[word](item)
 
 
-def _find_compared(talk: Conversation, question: Question) -> tuple[list[SceneObject], tuple[str, ...]]:
+def _find_compared(talk: Conversation, question: Question) -> tuple[list[Candidate], tuple[str, ...]]:
     """Return the things that a question compares, and why one is not found: those it names, else those told last."""
     asked = talk.state.question
     known = asked.candidates if asked is not None and len(asked.candidates) > 1 else find_told(talk)
     if not question.options:
-        return [one.item for one in known], ()
-    found, reasons = list[SceneObject](), list[str]()
+        return list(known), ()
+    found, reasons = dict[str, Candidate](), list[str]()
     for words in question.options:
         things = _find_among(talk, words, known) or find_things(talk, Question(("what",), words))
-        found += [one for one in things.items if one not in found][:1]
+        another = next((one for one in things.found if one.item.id not in found), None)
+        found |= {another.item.id: another} if another is not None else {}
         reasons += things.reasons
-    return found, tuple(reasons)
+    return [*found.values()], tuple(reasons)
 
 
 def _find_among(talk: Conversation, words: str, known: Sequence[Candidate]) -> Things | None:

@@ -46,3 +46,11 @@ def test_a_gap_between_two_vehicles_can_be_taken() -> None:
 )
 def test_two_things_are_compared(text: str, first: str) -> None:
     assert first in told(drive(), text)
+
+
+def test_it_is_the_one_that_is_more_so() -> None:
+    talk = drive()
+    told(talk, "which is farther, the red car or the blue one?")
+    answer = talk.say("stop next to it")
+    assert answer.referent is not None
+    assert answer.referent.item.id == "red"
