@@ -34,6 +34,7 @@ from grounding.goal.traffic import (
     how_it_moves,
     is_caught_up_with,
     is_followed,
+    keeps_distance,
 )
 from grounding.query import Query
 from grounding.referent.scene import SceneModel
@@ -220,6 +221,12 @@ def plan_place(
         following = replace(query, action="follow", relation="none")
         plan = plan_place(following, scene, road, item, excluded=excluded)
         return replace(plan, reasons=(f"it {how_it_moves(item)}: we follow it until it stands", *plan.reasons))
+    if item is not None and keeps_distance(query, item, road):
+        # A follower's own distance is the least one: "keep a safe distance from the car in front".
+        style, named = road.style, query.distance_m if query.distance_of == "referent" else None
+        least_m = style.following_m + style.following_s * (item.speed_mps or 0.0)
+        distance_m = named if named is not None and named > least_m else None
+        query = replace(query, action="follow", distance_m=distance_m, distance_of="referent" if distance_m else None)
     if item is not None and is_caught_up_with(query, item, road):
         query = replace(query, relation="behind", landmark="referent")
     if item is not None and drives_away(query, item):

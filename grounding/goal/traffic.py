@@ -32,6 +32,12 @@ def is_followed(query: Query, item: SceneObject, road: RoadMap) -> bool:
     return stops and drives_away(query, item) and _drives_before_us(item, road)
 
 
+def keeps_distance(query: Query, item: SceneObject, road: RoadMap) -> bool:
+    """Return whether to avoid a vehicle is to follow it at a distance, since it drives on ahead of us."""
+    avoids = query.action == "avoid" and query.relation == "none"
+    return avoids and (item.speed_mps or 0.0) > DRIVING_MPS and _drives_before_us(item, road)
+
+
 def is_caught_up_with(query: Query, item: SceneObject, road: RoadMap) -> bool:
     """Return whether to approach a vehicle is to get behind it, since it drives on ahead of us."""
     towards = query.action == "approach" and query.relation in TOWARDS

@@ -160,3 +160,12 @@ def test_a_correction_to_a_limit_is_no_shift() -> None:
     answer = talk.say("actually no further than the red car")
     assert answer.target is not None
     assert answer.target.ego_m[0] < 24 - 2.3
+
+
+def test_to_keep_a_distance_from_who_drives_ahead_is_to_follow() -> None:
+    street = Street().car("r", 20, 0, RED, speed_mps=4)
+    followed = ask("follow the red car", street).target
+    careful = ask("keep a safe distance from the red car in front", street).target
+    assert followed is not None
+    assert careful is not None
+    assert careful.cell == followed.cell
