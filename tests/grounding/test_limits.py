@@ -94,7 +94,12 @@ def test_a_distance_away_from_a_vehicle_is_a_gap() -> None:
 
 @pytest.mark.parametrize(
     ("text", "sign"),
-    [("keep left a touch", 1), ("move a bit to the right", -1), ("a touch closer to the kerb", -1)],
+    [
+        ("keep left a touch", 1),
+        ("move a bit to the right", -1),
+        ("a touch closer to the kerb", -1),
+        ("move a bit to the left, those cars are close", 1),
+    ],
 )
 def test_a_small_wish_to_one_side_needs_no_goal(text: str, sign: int) -> None:
     plain, moved = ask("carry on", Street()).target, ask(text, Street()).target

@@ -171,13 +171,16 @@ def move_in_lane(talk: Conversation, text: str, reply: Reply) -> Answer | None:
 
     "A bit closer to the kerb" is one, and "move left" a change of lane.
     """
-    aside = reply.shift in ("leftwards", "rightwards")
+    direction = reply.shift or reply.leading_shift
+    aside = direction in ("leftwards", "rightwards")
     if not talk.is_opening or not (aside or reply.rest.startswith(("to ", "from "))):
         return None
+    if aside and reply.rest and not talk.readings(reply.rest, alone=False)[0].problem:
+        return None  # another wish follows, and no reason
     before = talk.state
     steps = requests_of(talk.readings("carry on")[0])
     if talk.take(steps).status == "ok":
-        shift = reply.shift and Shift(reply.shift, reply.distance_m or _ASIDE_M)
+        shift = Shift(direction, reply.distance_m or _ASIDE_M) if aside and direction else None
         moved = shift_last(talk, text, shift) if shift else _shift_from_kerb(talk, text, reply)
         if moved is not None and talk.state.plan[-1].shifts:
             return moved
