@@ -64,7 +64,7 @@ def gap_range(query: Query, item: SceneObject, style: DrivingStyle) -> DistanceR
     follows = query.action in ("follow", "change_lane") or query.relation == "same_as"
     preferred = preferred_gap_m(query.action, style)
     if follows:
-        preferred = style.following_m + style.following_s * (item.speed_mps or 0.0)
+        preferred = style.following_gap_m(item.speed_mps)
     # A follower keeps its distance; after passing a vehicle, a small gap is enough.
     least = _MIN_PASSED_M if query.action in PASSING_ACTIONS else max(_MIN_GAP_M, preferred - _CLOSER_M)
     return DistanceRange(least, preferred, preferred + (_FURTHER_PARKED_M if query.action in PARKING else _FURTHER_M))

@@ -223,9 +223,8 @@ def plan_place(
         return replace(plan, reasons=(f"it {how_it_moves(item)}: we follow it until it stands", *plan.reasons))
     if item is not None and keeps_distance(query, item, road):
         # A follower's own distance is the least one: "keep a safe distance from the car in front".
-        style, named = road.style, query.distance_m if query.distance_of == "referent" else None
-        least_m = style.following_m + style.following_s * (item.speed_mps or 0.0)
-        distance_m = named if named is not None and named > least_m else None
+        named = query.distance_m if query.distance_of == "referent" else None
+        distance_m = named if named is not None and named > road.style.following_gap_m(item.speed_mps) else None
         query = replace(query, action="follow", distance_m=distance_m, distance_of="referent" if distance_m else None)
     if item is not None and is_caught_up_with(query, item, road):
         query = replace(query, relation="behind", landmark="referent")

@@ -25,6 +25,10 @@ class DrivingStyle:
     following_s: float = 1.5
     clearance_m: float = 0.3
 
+    def following_gap_m(self, speed_mps: float | None) -> float:
+        """Return the gap behind a vehicle of some speed that is followed; None: a standing one."""
+        return self.following_m + self.following_s * (speed_mps or 0.0)
+
     def __post_init__(self) -> None:
         """Check the gaps.
 

@@ -18,8 +18,6 @@ from grounding.vocabulary import KNOWN_NOUNS, LANDMARK_KINDS, Relation
 
 # Words of turns that say more than one thing, or until when.
 _JOINED = frozenset((*MARKS, "and", "until", "till"))
-# A stop short of something leaves at most this gap to it.
-_STOP_GAP_M = 2.0
 # Categories of words for what stands beside the road, or is a part of it.
 _THINGS = (WordCategory.THING, WordCategory.REGION)
 
@@ -58,7 +56,7 @@ def _limited(talk: Conversation, text: str, words: Words) -> Answer | None:
     short = talk.answer_steps([step]).target
     if short is not None and goal.target is not None:
         ours_m, limit_m = (road.ego_lane.project(one.ego_m)[0] for one in (goal.target, short))
-        if ours_m <= limit_m + _STOP_GAP_M:
+        if ours_m <= limit_m + road.style.stop_gap_m:
             return inform(talk, text, "the goal stays as it is: it is not beyond that")
     return talk.take([step])
 

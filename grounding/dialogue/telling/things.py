@@ -131,9 +131,9 @@ def find_by_it(talk: Conversation, words: str, reading: Reading) -> Resolution |
 def find_told(talk: Conversation) -> list[Candidate]:
     """Return what the answer told that this turn may follow up, nearest first."""
     ids, most = talk.told_ids(), len(talk.scene.table.items)
-    queries = (
-        (Query("", referent=Referent(noun, noun, definite=False)) for noun in ("vehicle", "person")) if ids else ()
-    )
+    if not ids:
+        return []
+    queries = (Query("", referent=Referent(noun, noun, definite=False)) for noun in ("vehicle", "person"))
     found = (one for query in queries for one in resolve(query, talk.scene, most).candidates)
     return sorted((one for one in found if one.item.id in ids), key=lambda one: one.item.distance_m(talk.scene.ego))
 
