@@ -138,7 +138,7 @@ def _propose_along(query: Query, span: Span, past: bool, kind: str, road: RoadMa
     named = query.distance_m if query.distance_of == "referent" else None
     parks = query.action in PARKING
     gap_m = named if named is not None else _PARKED_GAP_M if parks else _GAP_M
-    front_m, side = road.ego.length_m / 2, query.goal_side or "right"
+    front_m, side = road.ego.length_m / 2, query.goal_side or road.sides.kerb
     if past:
         preferred = _past_crossings_m(span.far_m, gap_m, road) + front_m + gap_m
         ahead = DistanceRange(preferred - 0.5, preferred, preferred + _ON_M)

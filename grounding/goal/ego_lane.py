@@ -10,6 +10,7 @@ from appocc.checks import FloatArray, IntArray
 from appocc.geometry import wrap_angle
 from grounding.goal.candidates import CandidateSet, DistanceRange
 from grounding.road.free_space import TAKEN, round_heading
+from grounding.road.kerb import kerb_gap_m
 from grounding.road.lane_model import LANE_M
 from grounding.road.road_map import RoadMap
 
@@ -86,7 +87,7 @@ def propose_on_any_road(road: RoadMap, ahead: DistanceRange, words: str) -> list
 
 def propose_at_edge(road: RoadMap, side: str, ahead: DistanceRange, gap_m: float = _EDGE_M) -> list[CandidateSet]:
     """Propose candidates at the road edge on one side, some distance ahead and best at a gap to the edge."""
-    sign = 1.0 if side == "left" else -1.0
+    sign = 1 if side == "left" else -1
     along, lateral = road.along_m, road.lateral_m
     last_m = min(ahead.most_m, road.ego_lane.end_m)
     region = road.drivable & (along >= ahead.least_m) & (along <= last_m) & (sign * lateral >= -1.0)
@@ -94,8 +95,7 @@ def propose_at_edge(road: RoadMap, side: str, ahead: DistanceRange, gap_m: float
     cells = np.argwhere(region)
     lane_rad = road.ego_lane.heading_rad(along[region])
     heading = road.blend_headings(cells, lane_rad, weight=0.05)
-    to_edge_m = road.edge_distance_m(cells, heading + sign * np.pi / 2, max_distance_m=3.0 + gap_m)
-    side_m = to_edge_m - road.ego.width_m / 2
+    side_m = kerb_gap_m(road, cells, heading, sign, 3.0 + gap_m)
     off_m = along[region] - ahead.preferred_m
     cost = np.minimum(((side_m - gap_m) / _EDGE_SPREAD_M) ** 2, 16.0)
     cost += np.where(off_m < 0, off_m / 3.0, off_m / 12.0) ** 2

@@ -12,6 +12,7 @@ from appocc.motion_state import DRIVING_MPS
 from grounding.query import Query
 from grounding.road.car_paths import MOST_BACK_M
 from grounding.road.free_space import gap_m
+from grounding.road.kerb import kerb_gap_m
 from grounding.road.road_map import RoadMap
 from grounding.vocabulary import LANDMARK_KINDS
 
@@ -34,7 +35,7 @@ _BACKWARDS, _GEAR, _LITTLE_BACK_M, _SAME_WAY = 0.25, 0.3, 0.3, 0.7
 # A parked vehicle keeps this clear of a junction.
 _CLEAR_M = 2.0
 # A parked ego farther than this from the edge of the road stands in the way of others.
-_AT_EDGE_M = 1.6
+_AT_EDGE_M, _SIDE_M = 1.6, 6.0
 # Places on the footprint that are tested, as shares of its length and width.
 _FOOTPRINT = np.stack(np.meshgrid(np.linspace(-0.5, 0.5, 7), np.linspace(-0.5, 0.5, 3)), axis=-1).reshape(-1, 2)
 
@@ -133,9 +134,8 @@ NO_LIMITS = PlaceLimits(our_side=False, not_behind=False)
 
 def stands_at_edge(road: RoadMap, cell: tuple[int, int], heading_rad: float) -> bool:
     """Return whether the ego stands at an edge of the road in a cell, out of the way of others."""
-    sides = heading_rad + np.array([np.pi / 2, -np.pi / 2])
-    away_m = road.edge_distance_m(np.array([cell, cell]), sides) - road.ego.width_m / 2
-    return bool(away_m.min() <= _AT_EDGE_M)
+    at, heading = np.array([cell]), np.array([heading_rad])
+    return any(float(kerb_gap_m(road, at, heading, side, _SIDE_M)[0]) <= _AT_EDGE_M for side in (1, -1))
 
 
 def is_in_the_road(cell: tuple[int, int], heading_rad: float, road: RoadMap) -> bool:

@@ -46,6 +46,8 @@ from grounding.scene_object import SceneObject
 from grounding.vocabulary import Action, Pace
 
 _RUNNERS_UP = 3
+# Said of a place on the other side of the road that heads as we do.
+_FACING = ", facing the traffic"
 # Where only one limit stands against the best place, that is asked.
 _FOLLOW = "it does not stand still: shall we follow it?"
 _CANNOT = {"overtake": "there is nothing to overtake", "turn": "we do not turn across its way"}
@@ -249,6 +251,8 @@ def plan_place(
         if not drives:
             proposed = [turned for each in proposed for turned in _with_traffic(each, road)]
         limits = replace(limits, our_side=drives and query.action == "approach" and query.relation in TOWARDS)
+    if query.goal_side is not None and not limits.our_side:
+        proposed = [facing for each in proposed for facing in _told_against(each, road)]
     if item is not None and item.class_name == "person" and limits.our_side:
         proposed = [_in_our_lanes(each, road) for each in proposed]
     candidate_sets = [_with_costs(each, query, limits, road) for each in proposed]
@@ -290,8 +294,16 @@ def _with_traffic(candidates: CandidateSet, road: RoadMap) -> list[CandidateSet]
         return [candidates]
     heading = np.where(against, wrap_angle(candidates.heading_rad + np.pi), candidates.heading_rad)
     here = candidates.subset(against)
-    facing = replace(here, words=f"{here.words}, facing the traffic", cost=here.cost + AGAINST_TRAFFIC)
+    facing = replace(here, words=f"{here.words}{_FACING}", cost=here.cost + AGAINST_TRAFFIC)
     return [replace(candidates, heading_rad=heading), facing]
+
+
+def _told_against(candidates: CandidateSet, road: RoadMap) -> list[CandidateSet]:
+    """Return candidates on the side that the command asks for; those against the traffic there say so."""
+    against = road.is_oncoming_side(candidates.cells, candidates.heading_rad)
+    here = candidates.subset(against)
+    facing = replace(here, words=f"{here.words}{_FACING}")
+    return [part for part in (candidates.subset(~against), facing) if len(part.cells)]
 
 
 def _is_on_other_side(item: SceneObject, road: RoadMap) -> bool:

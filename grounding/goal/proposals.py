@@ -143,7 +143,7 @@ def _propose_abreast(query: Query, item: SceneObject, road: RoadMap) -> list[Can
     if not reference.beside_ego_lane:
         return []
     level = DistanceRange(along_m - _ABREAST_M, along_m, along_m + _ABREAST_M)
-    side = query.goal_side or ("right" if road.traffic_side > 0 else "left")
+    side = query.goal_side or road.sides.kerb
     parks, words = query.action in PARKING, "level with it, on our side of the road"
     found = ego_lane.propose_at_edge(road, side, level) if parks else ego_lane.propose_in_lane(road, level, words)
     return [replace(each, words=words, cost=each.cost + SECOND) for each in found]
@@ -223,10 +223,10 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
         return _propose_lane_change(query, road, lanes)
     if action in PARKING or (action == "stop" and side) or (action == "other" and query.road_side == "opposite"):
         if query.count is not None and query.count > 1:
-            return ego_lane.propose_in_gap(road, side or "right", query.count)
+            return ego_lane.propose_in_gap(road, side or road.sides.kerb, query.count)
         ahead = _distance_ahead(query, _EDGE_M)
         kerb = {"gap_m": query.distance_m} if query.distance_of == "kerb" and query.distance_m is not None else {}
-        found = ego_lane.propose_at_edge(road, side or "right", ahead, **kerb)
+        found = ego_lane.propose_at_edge(road, side or road.sides.kerb, ahead, **kerb)
         return [*found, *_propose_beyond_lane_end(road, ahead)], _note_lane_end(road, ahead.preferred_m)
     ranges = {"stop": _STOP_M, "slow_down": _SLOW_M, "avoid": _SLOW_M}
     goes_on = query.direction == "straight" or query.manoeuvre == "onward" or query.distance_m is not None
@@ -249,7 +249,7 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
 
 def _propose_lane_change(query: Query, road: RoadMap, lanes: Sequence[str]) -> OptionalProposal:
     """Return the candidate sets of a lane change; where ours is the lane at the kerb, it is kept."""
-    asked, kerb_side = query.direction or query.goal_side, "right" if road.traffic_side > 0 else "left"
+    asked, kerb_side = query.direction or query.goal_side, road.sides.kerb
     ours_at_kerb = not ego_lane.has_kerb_lane(road)
     if ours_at_kerb and (f"{kerb_side}_lane" in lanes or asked == kerb_side):
         return ego_lane.propose_in_lane(road, _ON_M, "in our lane"), [f"the {kerb_side} lane is ours: we keep it"]

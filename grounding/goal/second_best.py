@@ -17,6 +17,7 @@ from grounding.goal.search import CandidateSearch
 from grounding.query import Query
 from grounding.referent.scene import SceneModel
 from grounding.road.free_space import OFF_MAP
+from grounding.road.kerb import kerb_gap_m
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
 from grounding.vocabulary import PASSING_ACTIONS, Relation
@@ -51,7 +52,7 @@ def plan_with_second_best(
         item: reference vehicle of the relation, None if the command names none.
     """
     settled = plan.target is not None or plan.question or plan.search is None
-    if item is None and not settled and query.action in PARKING and _is_at_kerb(query):
+    if item is None and not settled and _is_at_kerb(query):
         return _ask_to_stop_in_lane(query, plan, scene, road)
     if item is None or settled or query.relation == "between":  # beside one of two is not between them
         return with_nearest(plan)
@@ -77,7 +78,8 @@ def plan_with_second_best(
 
 def _is_at_kerb(query: Query) -> bool:
     """Return whether a command asks for any place at the edge of the road."""
-    return query.relation == "none" and query.landmark is None and query.distance_m is None
+    stops = query.action in PARKING or (query.action == "stop" and (query.goal_side or query.road_side))
+    return bool(stops) and query.relation == "none" and query.landmark is None and query.distance_m is None
 
 
 def _ask_to_stop_in_lane(query: Query, plan: GoalPlan, scene: SceneModel, road: RoadMap) -> GoalPlan:
@@ -125,7 +127,9 @@ def _find_edge_place(
     """
     along, lateral = (float(each) for each in road.ego_lane.project(item.centre_m))
     limits = PlaceLimits.of(query, road.traffic_side)
-    side = query.goal_side or ("left" if lateral > 0 and not limits.our_side else "right")
+    other_side = "left" if road.traffic_side > 0 else "right"
+    across = road.traffic_side * lateral > 0 and not limits.our_side
+    side = query.goal_side or (other_side if across else road.sides.kerb)
     around = DistanceRange(along - _AROUND_M, along, along + _AROUND_M)
     places = [_nearest_first(each, side, road, item) for each in ego_lane.propose_at_edge(road, side, around)]
     excluded = plan.search.excluded if plan.search is not None else None
@@ -135,8 +139,7 @@ def _find_edge_place(
 
 def _nearest_first(edge: CandidateSet, side: str, road: RoadMap, item: SceneObject) -> CandidateSet:
     """Return candidates at one edge of the road, those near a vehicle first."""
-    turn = np.pi / 2 if side == "left" else -np.pi / 2
-    gap_m = road.edge_distance_m(edge.cells, edge.heading_rad + turn, 3.0) - road.ego.width_m / 2
+    gap_m = kerb_gap_m(road, edge.cells, edge.heading_rad, 1 if side == "left" else -1, 3.0)
     away_m = np.hypot(*(road.grid.centre_of(edge.cells) - item.centre_m).T)
     cost = away_m / _AWAY_M + np.maximum(gap_m - _EDGE_M, 0.0) ** 2
     return replace(edge, cost=cost).subset((away_m < _AROUND_M) & (gap_m < _MAX_EDGE_M)).with_detour_cost(road)

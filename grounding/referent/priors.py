@@ -30,10 +30,13 @@ _INDEFINITE_SCALE_M = 15.0
 # Least plausibility of an object for an action.
 _LEAST_PLAUSIBILITY = 0.3
 _YIELDING = ("give_way", "wait")
-# Plausibility of following a parked vehicle, and the least plausibility of a vehicle to follow.
-_PARKED_FOLLOWED, _LEAST_FOLLOWED = 0.05, 0.05
+# The same where the motion of a vehicle all but decides, and plausibility of following a parked one.
+_LEAST_PLAUSIBILITIES: dict[str | None, float] = {"follow": 0.05, "park": 0.15, "pull_over": 0.15}
+_PARKED_FOLLOWED = 0.05
 # Relations to vehicles that stand in line with the place, and plausibility of one on the other side than the place.
 _ALONG_SIDE, _OTHER_SIDE = ("behind", "in_front_of", "before", "past", "between"), 0.1
+# How much less plausible a vehicle that faces us, across the road, is to stop at.
+_ACROSS = 0.3
 # Prediction times for crossing the ego path, and the speed of people who stand.
 _PREDICTION_TIMES_S, _WALKING_MPS = (0.0, 2.0, 4.0), 1.2
 
@@ -125,16 +128,16 @@ def log_action_prior(query: Query, table: ObjectTable) -> FloatArray:
     elif query.action in ("avoid", "slow_down"):
         fit = np.maximum(_crosses_ego_path(table), gaussian(table.lateral_m, 4.0)) * (table.along_m > 0)
     elif query.action in ("park", "pull_over"):
-        fit = 0.15 + 0.85 * standing
+        fit = standing * (1 - _ACROSS * is_facing_ego(table))
     elif query.action == "stop" and query.relation not in ("none", "at", "toward"):
-        fit = 0.5 + 0.5 * standing
+        fit = (0.5 + 0.5 * standing) * (1 - _ACROSS * is_facing_ego(table))
     if query.goal_side is not None and query.relation in _ALONG_SIDE:
         side = 1 if query.goal_side == "left" else -1
         fit = fit * (_OTHER_SIDE + (1 - _OTHER_SIDE) * rising(side * table.lateral_m, 0.5, 0.3))
     # Who awaits that a vehicle stops means one that moves.
     if query.trigger == "stop" or (query.trigger in ("pass", "turn", "merge") and query.action not in _YIELDING):
         fit = fit * (1 - 0.85 * standing)
-    least = _LEAST_FOLLOWED if query.action == "follow" else _LEAST_PLAUSIBILITY
+    least = _LEAST_PLAUSIBILITIES.get(query.action, _LEAST_PLAUSIBILITY)
     return np.asarray(np.log(least + (1 - least) * fit))
 
 

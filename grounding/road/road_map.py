@@ -15,16 +15,17 @@ from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import wrap_angle
 from appocc.grid import BEVGrid
-from appocc.motion_state import DRIVING_MPS, MOVING_MPS
+from appocc.motion_state import DRIVING_MPS
 from grounding.road.car_paths import MOST_BACK_M, CarPaths
 from grounding.road.edges import cells_to_edge, cells_to_marking
 from grounding.road.free_space import OFF_ROAD, TAKEN, UNKNOWN, FreeSpace, cover_cells
 from grounding.road.junctions import find_junctions
 from grounding.road.landmarks import NO_LANDMARKS, Landmarks
 from grounding.road.lane_model import Centreline
-from grounding.road.orientation import MIN_VEHICLE_LENGTH_M, estimate_axes
+from grounding.road.orientation import estimate_axes
 from grounding.road.pose import Pose2D
 from grounding.road.routing import ShortestPaths, find_shortest_paths
+from grounding.road.sides import TrafficSides
 from grounding.road.style import DEFAULT_STYLE, DrivingStyle
 from grounding.road.tracing import CentrelineTracer
 from grounding.scene_object import SceneObject
@@ -35,17 +36,15 @@ _MAX_START_M = 6.0
 _START_MARGIN_M = 0.3
 # Cells around the box of a vehicle that may be its own on a map.
 _EDGE_CELLS = 1
-# Holes of up to this many cells in the road of a predicted map are filled.
-_HOLE_CELLS = 6
+# Greatest holes in the road of a predicted map that are filled, and greatest ones that nobody has seen, cells.
+_HOLE_CELLS, _UNSEEN_CELLS = 6, 40
 # Path direction is measured over this many steps. Thresholds on cosines: of path and axis, below which the path
 # crosses the axis; of path and ego heading, below minus which it drives back; of two axes of the same road.
 _STEPS = 8
 _CROSSING, _BACKWARD, _STEADY = 0.6, 0.5, 0.5
 # The direction of travel is a majority vote of paths in a neighbourhood of this size.
 _SMOOTHING_M = 2.5
-_MAX_EDGE_M, _MAX_HALF_M = 16.0, 12.0
-# Votes of a moving oncoming vehicle for the side of traffic; a standing one has one vote.
-_MOVING_VOTES = 3.0
+_MAX_EDGE_M, _MAX_HALF_M, _MAX_ROAD_M = 16.0, 12.0, 24.0
 # A narrower road is driven in its middle.
 _ONE_LANE_M = 5.5
 # A place this far beyond the middle of the road is on the other side. A marking this near to half of the width is it.
@@ -75,7 +74,7 @@ class RoadMap:
         ego_lane: centreline of the ego lane; along-track distance counts from the ego's centre.
         along_m: along-track distance of all cells, by the ego lane.
         lateral_m: lateral offset of all cells from the ego lane; left is positive.
-        traffic_side: 1 for right-hand traffic, -1 for left-hand traffic.
+        sides: of the road, by the vehicles on it.
         landmarks: crossings, stop lines and the like, as far as a vector map is known.
         style: gaps that the ego keeps.
     """
@@ -94,7 +93,7 @@ class RoadMap:
     ego_lane: Centreline
     along_m: FloatArray
     lateral_m: FloatArray
-    traffic_side: int
+    sides: TrafficSides
     landmarks: Landmarks = NO_LANDMARKS
     style: DrivingStyle = DEFAULT_STYLE
 
@@ -125,9 +124,8 @@ class RoadMap:
         start = start or Pose2D(ego.centre_m, 0.0)
         grid, free_space = bev.grid, FreeSpace.from_map(bev, objects, ego, style.clearance_m)
         flags = free_space.cell_flags
-        drivable = (flags & (OFF_ROAD | UNKNOWN)) == 0
-        if not ((bev.occupancy == 0) | (bev.occupancy == 1)).all():
-            drivable = _fill_holes(drivable)
+        soft = not ((bev.occupancy == 0) | (bev.occupancy == 1)).all()
+        drivable = _fill_holes((flags & (OFF_ROAD | UNKNOWN)) == 0, unknown=(flags & UNKNOWN) > 0, soft=soft)
         axis, confidence = estimate_axes(grid, drivable, (flags & UNKNOWN) == 0, bev.on[LANE], objects)
         edge_m, marking_m = _distance_m(grid, drivable), _distance_m(grid, ~bev.on[LANE])
         tracer = CentrelineTracer(grid, ego.width_m, axis, confidence, edge_m, marking_m)
@@ -140,7 +138,6 @@ class RoadMap:
         extra_cost += _OFF_LANE * (np.abs(lateral_m) > _LANE_M / 2)
         paths = find_shortest_paths(grid, free, extra_cost, _start_cell(grid, free, start.xy_m))
         below = _cells_below(grid, start, ego)
-        side = _traffic_side(objects, ego_lane) if left_hand_traffic is None else -1 if left_hand_traffic else 1
         return cls(
             grid=grid,
             ego=ego,
@@ -156,7 +153,7 @@ class RoadMap:
             ego_lane=ego_lane,
             along_m=along_m,
             lateral_m=lateral_m,
-            traffic_side=side,
+            sides=TrafficSides.of(objects, ego_lane, left_hand_traffic),
             landmarks=landmarks,
             style=style,
         )
@@ -215,6 +212,11 @@ class RoadMap:
             return self.landmarks.cells(self.grid, "junction")
         return find_junctions(self.grid, self.drivable, self.tracer.edge_m)
 
+    @property
+    def traffic_side(self) -> int:
+        """1 for right-hand traffic, -1 for left-hand traffic."""
+        return self.sides.side
+
     @cached_property
     def crossings(self) -> BoolArray:
         """(X, Y) cells in pedestrian crossings of the vector map."""
@@ -233,17 +235,27 @@ class RoadMap:
     def is_oncoming_side(self, cells: IntArray, heading_rad: FloatArray) -> BoolArray:
         """(N,) whether cells (N, 2) belong to oncoming traffic of headings (N,): beyond the middle of a wide road.
 
-        The middle is a marking near half of the width, else that half. A junction has no sides, nor has a road whose
-        near edge is far away.
+        The middle is a marking near half of the width, else that half; where vehicles come towards us, the road from
+        them on is theirs. A junction has no sides, nor has a road whose near edge is far away.
         """
         turned = heading_rad + np.pi / 2
-        left, right = (self.edge_distance_m(cells, angle) for angle in (turned, turned - np.pi))
+        left, right = (self.edge_distance_m(cells, angle, _MAX_ROAD_M) for angle in (turned, turned - np.pi))
         half, cell_m = (left - right) / 2, self.grid.cell_m
         marking = self.tracer.marking_m < cell_m / 2
         middle_m = cells_to_marking(marking, cells, turned, half / cell_m, _MARKED_M / cell_m) * cell_m
         near_side = right if self.traffic_side > 0 else left
-        has_sides = (left + right > _ONE_LANE_M) & (near_side < _MAX_EDGE_M) & ~self.junctions[tuple(cells.T)]
-        return np.asarray(has_sides & (self.traffic_side * middle_m < -_MIDDLE_M))
+        has_sides = (left + right > _ONE_LANE_M) & (near_side < _MAX_ROAD_M)
+        by_road = has_sides & (self.traffic_side * middle_m < -_MIDDLE_M)
+        theirs, with_us = self._is_beyond_oncoming(cells, heading_rad)
+        return np.asarray(np.where(theirs, with_us, by_road) & ~self.junctions[tuple(cells.T)])
+
+    def _is_beyond_oncoming(self, cells: IntArray, heading_rad: FloatArray) -> tuple[BoolArray, BoolArray]:
+        """Whether cells (N, 2) are where vehicles come towards us on our road, and headings (N,) there with us."""
+        along_m, lateral_m = (each[tuple(cells.T)] for each in (self.along_m, self.lateral_m))
+        turn = np.cos(heading_rad - self.ego_lane.heading_rad(along_m))
+        towards_m = self.traffic_side * lateral_m
+        there = (towards_m > self.sides.oncoming_m) & (towards_m < _MAX_ROAD_M) & (np.abs(turn) > _PARALLEL)
+        return there & (along_m < self.ego_lane.end_m), turn > 0
 
     def edge_distance_m(
         self, cells: IntArray, angle_rad: FloatArray, max_distance_m: float = _MAX_EDGE_M
@@ -302,30 +314,19 @@ class RoadMap:
         return align_axis(axis_rad, self.direction_rad[self.nearest_reachable(xy_m)])
 
 
-def _traffic_side(objects: Sequence[SceneObject], ego_lane: Centreline) -> int:
-    """Return the side of traffic: right (1), or left (-1) if oncoming vehicles are on our right."""
-    votes = 0.0
-    for item in objects:
-        along, lateral = ego_lane.project(item.centre_m)
-        has_front = item.front_known and item.length_m >= MIN_VEHICLE_LENGTH_M
-        if has_front and 0 < along < ego_lane.end_m and 2 < abs(lateral) < 12:
-            oncoming = np.cos(item.yaw_rad - ego_lane.heading_rad(along)) < -0.8
-            moving = (item.speed_mps or 0.0) > MOVING_MPS
-            votes += float(np.sign(lateral) * oncoming * (_MOVING_VOTES if moving else 1.0))
-    return -1 if votes <= -_MOVING_VOTES else 1
-
-
 def align_axis(axis_rad: float, reference_rad: float) -> float:
     """Return the direction of an axis that is closer to a reference direction."""
     turned = float(wrap_angle(axis_rad))
     return turned if np.cos(turned - reference_rad) >= 0 else float(wrap_angle(turned + np.pi))
 
 
-def _fill_holes(drivable: BoolArray) -> BoolArray:
-    """Fill small holes in the road."""
+def _fill_holes(drivable: BoolArray, unknown: BoolArray, soft: bool) -> BoolArray:
+    """Fill small holes in the road: those that nobody has seen, and on a predicted map the others too."""
     label, count = ndimage.label(~drivable)
     size = np.bincount(label.ravel(), minlength=count + 1)
-    return np.asarray(drivable | (size <= _HOLE_CELLS)[label])
+    unseen = np.bincount(label.ravel(), unknown.ravel(), minlength=count + 1) == size
+    most = np.where(unseen, _UNSEEN_CELLS, _HOLE_CELLS if soft else 0)
+    return np.asarray(drivable | (size <= most)[label])
 
 
 def _distance_m(grid: BEVGrid, mask: BoolArray) -> FloatArray:

@@ -11,6 +11,7 @@ from appocc.checks import BoolArray
 from appocc.grid import BEVGrid
 from grounding.road.free_space import OFF_MAP, OFF_ROAD, TAKEN, UNKNOWN, FreeSpace, gap_m, round_heading
 from grounding.road.road_map import RoadMap, align_axis
+from grounding.road.sides import TrafficSides
 
 GRID = BEVGrid.surround()
 X, Y = np.moveaxis(GRID.centres(), -1, 0)
@@ -252,7 +253,9 @@ def test_our_half_of_the_road_is_on_the_side_of_traffic() -> None:
     cells = GRID.cell_of([[10.0, -4.1], [10.0, 3.9]])
     ahead = np.zeros(2)
     np.testing.assert_allclose(road.half_road_offset_m(cells, ahead), [0, 8], atol=0.5)
-    np.testing.assert_allclose(replace(road, traffic_side=-1).half_road_offset_m(cells, ahead), [8, 0], atol=0.5)
+    np.testing.assert_allclose(
+        replace(road, sides=TrafficSides(-1)).half_road_offset_m(cells, ahead), [8, 0], atol=0.5
+    )
 
 
 def test_a_blended_heading_is_between_the_axis_and_the_preferred_one() -> None:
@@ -262,3 +265,16 @@ def test_a_blended_heading_is_between_the_axis_and_the_preferred_one() -> None:
         (heading,) = road.blend_headings(cell, np.array([like]))
         axis = 0.0 if abs(like) < 1 else np.pi
         assert 0 < (heading - axis) / (like - axis) < 0.7
+
+
+def test_a_wide_road_has_sides_and_ends_ours_where_vehicles_come_towards_us() -> None:
+    # Four lanes and room to park at both kerbs; a yard on the left hides the kerb.
+    wide = np.asarray(np.abs(Y - 7) < 10)
+    yard = (np.abs(X - 20) < 8) & (np.abs(Y - 20) < 10)
+    cells = np.array([[GRID.cell_of([20.0, y])[axis] for axis in (0, 1)] for y in (0.0, 4.0, 12.0)])
+    with_us = np.zeros(3)
+    assert road_of(wide).is_oncoming_side(cells, with_us).tolist() == [False, False, True]
+    coming = Street().car("c", 15, 4.5, yaw_rad=np.pi, speed_mps=9)
+    seen = road_of(wide | yard, coming)
+    assert seen.is_oncoming_side(cells, with_us).tolist() == [False, True, True]
+    assert not seen.is_oncoming_side(cells, with_us + np.pi)[1:].any()
