@@ -21,6 +21,8 @@ _PASSED_M, _PULLED_OVER_M = 6.0, 0.5
 _MIN_PASSED_M = 2.0
 # Tolerance beyond the preferred gap (a queue may be in between, except for parking) and below it.
 _FURTHER_M, _FURTHER_PARKED_M, _CLOSER_M = 10.0, 3.0, 3.0
+# A shift to one side takes this much more of our lane than two arcs of the turning circle.
+_SHIFT_ROOM = 1.3
 # Tolerance along the vehicle for candidates level with it.
 _LEVEL_M = 1.0
 # Least gaps to bumpers and to sides; preferred and greatest gap to a side.
@@ -128,13 +130,17 @@ def _free_m(reference: ReferenceVehicle, front: float, sign: float) -> float:
 
 
 def _from_here_on(gaps: DistanceRange, reference: ReferenceVehicle) -> DistanceRange:
-    """Return the gaps of a follower; behind a vehicle that drives ahead of us it falls back while both drive."""
-    (along_m, _), item = reference.lane_position, reference.item
-    here_m = along_m - (item.length_m + reference.road.ego.length_m) / 2
+    """Return the gaps of a follower; behind a vehicle that drives ahead of us it falls back while both drive.
+
+    Until we are in line with it we drive on as far as the shift to its side takes.
+    """
+    (along_m, aside_m), item, ego = reference.lane_position, reference.item, reference.road.ego
+    here_m = along_m - (item.length_m + ego.length_m) / 2
     drives = reference.beside_ego_lane and not (reference.is_standing or reference.faces_us)
-    if not drives or not _MIN_GAP_M < here_m < gaps.preferred_m:
+    there_m = here_m - _SHIFT_ROOM * 2 * np.sqrt(ego.turning_radius_m * abs(aside_m))
+    if not drives or not _MIN_GAP_M < there_m < gaps.preferred_m:
         return gaps
-    return DistanceRange(min(gaps.least_m, here_m - _CLOSER_M), here_m, gaps.most_m)
+    return DistanceRange(min(gaps.least_m, there_m - _CLOSER_M), there_m, gaps.most_m)
 
 
 def _offsets_along_lane(reference: ReferenceVehicle, front: float, sign: float) -> tuple[FloatArray, FloatArray]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from appocc.checks import FloatArray, IntArray
 from appocc.geometry import wrap_angle
+from appocc.motion_state import DRIVING_MPS, MOVING_MPS
 from grounding.goal.candidates import CandidateSet, DistanceRange
 from grounding.road.free_space import TAKEN, round_heading
 from grounding.road.kerb import kerb_gap_m
@@ -62,15 +63,28 @@ def _along_lane(
     """Return candidates at a lateral offset from the ego lane, some distance ahead."""
     along, lateral = road.along_m, road.lateral_m
     last_m = min(ahead.most_m, road.ego_lane.end_m)
-    region = (along >= ahead.least_m) & (along <= last_m) & (np.abs(lateral - offset_m) <= slack_m)
+    preferred_m = min(ahead.preferred_m, _behind_queue_m(road, offset_m))
+    least_m = min(ahead.least_m, preferred_m)
+    region = (along >= least_m) & (along <= last_m) & (np.abs(lateral - offset_m) <= slack_m)
     cells = np.argwhere(region)
-    cost = ((along[region] - ahead.preferred_m) / spread_m) ** 2 + ((lateral[region] - offset_m) / _LATERAL_M) ** 2
+    cost = ((along[region] - preferred_m) / spread_m) ** 2 + ((lateral[region] - offset_m) / _LATERAL_M) ** 2
     # The ego stays behind obstacles in the lane.
     in_lane = (along > 0) & (np.abs(lateral - offset_m) < road.ego.width_m / 2)
     blocked = in_lane & ((road.free_space.cell_flags & TAKEN) > 0)
     cost += _BEYOND * (along[region] > np.min(along[blocked], initial=np.inf))
     heading = road.blend_headings(cells, road.ego_lane.heading_rad(along[region]))
     return CandidateSet(words, cells, cost, heading, along[region], "ahead")
+
+
+def _behind_queue_m(road: RoadMap, offset_m: float) -> float:
+    """Return the place behind the first vehicle that creeps along a lane ahead of us; infinite without one."""
+    places_m = [np.inf]
+    for item in road.free_space.objects:
+        along_m, lateral_m = (float(each) for each in road.ego_lane.project(item.centre_m))
+        creeps = MOVING_MPS < (item.speed_mps or 0.0) <= DRIVING_MPS
+        if creeps and along_m > item.length_m and abs(lateral_m - offset_m) < LANE_M / 2:
+            places_m.append(along_m - (item.length_m + road.ego.length_m) / 2 - road.style.stop_gap_m)
+    return max(min(places_m), 0.0)
 
 
 def propose_on_any_road(road: RoadMap, ahead: DistanceRange, words: str) -> list[CandidateSet]:

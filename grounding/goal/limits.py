@@ -20,6 +20,8 @@ from grounding.vocabulary import LANDMARK_KINDS
 OTHER_SIDE, JUNCTION, BEHIND_US, TURNED = 64, 128, 256, 512
 # Actions that leave the ego standing, and those of them that leave it alone.
 WAITING_ACTIONS, PARKING_ACTIONS = ("park", "pull_over", "wait"), ("park", "pull_over")
+# Actions that only go forward, and how much more reversing costs there.
+_FORWARD_ACTIONS, _ONLY_FORWARD = ("follow", "change_lane", "overtake"), 6.0
 # A goal farther behind us is one that nobody expects.
 _BEHIND_M = 8.0
 # A goal nearer than this that heads farther away than this angle turns us on the spot.
@@ -50,6 +52,7 @@ class PlaceLimits:
         clear_m: how far outside.
         not_behind: whether it must not be far behind us, nor turn us on the spot.
         most_back_m: greatest distance backwards on the way.
+        only_forward: whether nobody drives backwards for it: to follow, to overtake, to change lanes.
     """
 
     our_side: bool = True
@@ -57,6 +60,7 @@ class PlaceLimits:
     clear_m: float = 0.0
     not_behind: bool = True
     most_back_m: float = MOST_BACK_M
+    only_forward: bool = False
 
     @classmethod
     def of(cls, query: Query, traffic_side: int) -> PlaceLimits:
@@ -75,6 +79,7 @@ class PlaceLimits:
             clear_m=_CLEAR_M if query.action in PARKING_ACTIONS else 0.0,
             not_behind=not asks_back,
             most_back_m=max(MOST_BACK_M, (query.distance_m or 0.0) + _BACK_MORE_M) if backs else MOST_BACK_M,
+            only_forward=query.action in _FORWARD_ACTIONS,
         )
 
     def flags(self, road: RoadMap, cells: IntArray, heading_rad: FloatArray) -> IntArray:
@@ -126,7 +131,8 @@ def reversing_cost(
     offset = road.grid.centre_of(cells) - road.start.xy_m
     same_way = np.cos(heading_rad - road.start.heading_rad) > _SAME_WAY
     back_m = np.maximum(np.where(np.isfinite(back_m), back_m, 0.0), same_way * -(offset @ road.start.ahead))
-    return np.where(back_m > _LITTLE_BACK_M, _GEAR + _BACKWARDS * back_m, 0.0)
+    times = _ONLY_FORWARD if limits.only_forward else 1.0
+    return np.where(back_m > _LITTLE_BACK_M, times * (_GEAR + _BACKWARDS * back_m), 0.0)
 
 
 NO_LIMITS = PlaceLimits(our_side=False, not_behind=False)

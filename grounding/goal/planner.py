@@ -14,6 +14,7 @@ from appocc.geometry import footprints, wrap_angle
 from appocc.motion_state import DRIVING_MPS, MOVING_MPS
 from grounding.goal.at_landmark import keep_clear
 from grounding.goal.candidates import CandidateSet, GoalCandidate
+from grounding.goal.conflicts import explain_conflicts
 from grounding.goal.exclusions import ExcludedPlace, excluded_cells
 from grounding.goal.explanations import explain_gap, explain_second_row, explain_target, explain_way
 from grounding.goal.limits import (
@@ -31,6 +32,7 @@ from grounding.goal.traffic import (
     TOWARDS,
     comes_towards_us,
     drives_away,
+    goes_around_traffic,
     how_it_moves,
     is_caught_up_with,
     is_followed,
@@ -43,9 +45,11 @@ from grounding.road.lane_model import LANE_M
 from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
-from grounding.vocabulary import Action, Pace
+from grounding.vocabulary import PASSING_ACTIONS, Action, Pace
 
 _RUNNERS_UP = 3
+# A place that is free later is taken if its cost is lower by more.
+_LATER = 0.5
 # Said of a place on the other side of the road that heads as we do.
 _FACING = ", facing the traffic"
 # Where only one limit stands against the best place, that is asked.
@@ -262,11 +266,11 @@ def plan_place(
     reasons = [*reasons, *(words for words, _ in kept_clear)]
     search = CandidateSearch(candidate_sets, scene, road, references, ruled_out, limits)
     best, way = search.find_reachable(1 + _RUNNERS_UP)
-    if not best and (later := road.after_traffic(references, item is None)) is not None:
+    if (later := road.after_traffic(references, item is None)) is not None:
         again = CandidateSearch(candidate_sets, scene, later, references, ruled_out, limits)
-        best, way = again.find_reachable(1 + _RUNNERS_UP)
-        if best:
-            search = again
+        best_later, way_later = again.find_reachable(1 + _RUNNERS_UP)
+        if best_later and _is_worth_waiting(query, best, best_later, way, road):
+            search, best, way = again, best_later, way_later
             what = "the way is" if item is not None else "the way and the place are"
             reasons = [*reasons, f"{what} free once those ahead of us have driven on"]
     if not best or way is None:
@@ -274,11 +278,24 @@ def plan_place(
     target, *others = (to_target(candidate, scene, road) for candidate in best)
     of_place = [*explain_target(search, best[0]), explain_way(way), *explain_gap(query, best[0])]
     of_place += explain_second_row(query, best[0].cell, best[0].heading_rad, road)
+    if start is None:
+        of_place += explain_conflicts(way, scene, road, references)
     reasons = [*reasons, *of_place]
     if target.score < _MIN_SCORE_OK:
         reasons.append("the best free place fits the command badly: it is too far away, or too awkward to reach")
         return GoalPlan(None, tuple(reasons), nearest=target, search=search)
     return GoalPlan(target, tuple(reasons), way, tuple(others), None, search, of_place=tuple(of_place))
+
+
+def _is_worth_waiting(
+    query: Query, now: list[GoalCandidate], later: list[GoalCandidate], way: CarRoute | None, road: RoadMap
+) -> bool:
+    """Return whether a place or a way once the traffic ahead has driven on is better than the one now."""
+    if not now or way is None:
+        return True
+    if query.action in PASSING_ACTIONS:
+        return False
+    return later[0].cost < now[0].cost - _LATER or goes_around_traffic(way, road)
 
 
 def _in_our_lanes(candidates: CandidateSet, road: RoadMap) -> CandidateSet:

@@ -79,12 +79,14 @@ def plan_with_second_best(
 def _is_at_kerb(query: Query) -> bool:
     """Return whether a command asks for any place at the edge of the road."""
     stops = query.action in PARKING or (query.action == "stop" and (query.goal_side or query.road_side))
-    return bool(stops) and query.relation == "none" and query.landmark is None and query.distance_m is None
+    return bool(stops) and query.relation == "none" and query.landmark is None
 
 
 def _ask_to_stop_in_lane(query: Query, plan: GoalPlan, scene: SceneModel, road: RoadMap) -> GoalPlan:
     """Return a plan without room at the edge of the road with the question whether our lane will do."""
     in_lane = replace(query, action="stop", goal_side=None, road_side=None, direction=None)
+    if query.distance_of == "kerb":
+        in_lane = replace(in_lane, distance_m=None, distance_of=None)
     stopped = plan_place(in_lane, scene, road)
     if stopped.target is None:
         return with_nearest(plan)

@@ -7,6 +7,7 @@ import numpy as np
 from appocc.motion_state import DRIVING_MPS, MOVING_MPS
 from grounding.goal.limits import PARKING_ACTIONS
 from grounding.query import Query
+from grounding.road.car_paths import CarRoute
 from grounding.road.lane_model import LANE_M
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
@@ -54,6 +55,17 @@ def _drives_before_us(item: SceneObject, road: RoadMap) -> bool:
     along, lateral = (float(each) for each in road.ego_lane.project(item.centre_m))
     ours = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) > _SAME_WAY
     return bool(item.front_known and ours and along > 0 and abs(lateral) < 1.5 * LANE_M)
+
+
+def goes_around_traffic(way: CarRoute, road: RoadMap) -> bool:
+    """Return whether a way ends beyond a vehicle that drives ahead of us in our lane."""
+    end_m = float(road.ego_lane.project(way.points_m[-1])[0])
+    for item in road.free_space.objects:
+        along_m, lateral_m = (float(each) for each in road.ego_lane.project(item.centre_m))
+        leads = (item.speed_mps or 0.0) > DRIVING_MPS and _drives_before_us(item, road)
+        if leads and abs(lateral_m) < LANE_M / 2 and along_m < end_m:
+            return True
+    return False
 
 
 def comes_towards_us(item: SceneObject, road: RoadMap) -> bool:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from appocc.checks import FloatArray, IntArray
+from appocc.motion_state import MOVING_MPS
 from grounding.road.edges import cells_to_edge
-from grounding.road.free_space import TAKEN, UNKNOWN
+from grounding.road.free_space import UNKNOWN, cover_cells
 from grounding.road.road_map import RoadMap
 
 # Places along our side, as shares of the length, at which a vehicle may stand between us and the edge.
@@ -18,8 +19,8 @@ _BEYOND_M = 1.0
 def kerb_gap_m(road: RoadMap, cells: IntArray, heading_rad: FloatArray, side: int, most_m: float) -> FloatArray:
     """Return gaps (N,) between a side of the ego, left (1) or right (-1), and the road edge.
 
-    They are infinite where a vehicle stands between us and the edge, or on it, as who stops there stops in the second
-    row; and where the road ends only because nobody sees further.
+    They are infinite where a parked vehicle stands between us and the edge, or on it, as who stops there stops in the
+    second row; and where the road ends only because nobody sees further.
 
     Args:
         road: the road.
@@ -30,8 +31,9 @@ def kerb_gap_m(road: RoadMap, cells: IntArray, heading_rad: FloatArray, side: in
     """
     turned = heading_rad + side * np.pi / 2
     edge_m = road.edge_distance_m(cells, turned, most_m)
-    flags = road.free_space.cell_flags
-    free, unseen = (flags & TAKEN) == 0, road.drivable | ((flags & UNKNOWN) > 0)
+    parked = [one for one in road.free_space.objects if (one.speed_mps or 0.0) <= MOVING_MPS]
+    free = ~cover_cells(road.grid, parked)
+    unseen = road.drivable | ((road.free_space.cell_flags & UNKNOWN) > 0)
     second_row, seen = np.zeros((2, len(cells)), np.bool_)
     cell_m = road.grid.cell_m
     for share in _ALONG:

@@ -195,6 +195,8 @@ def _by_network(query: Query, evidence: Evidence, prediction: Prediction) -> Que
         values["relation"] = query.relation  # the words name the landmark: "stay in this lane until the junction"
     if query.direction is not None and values["direction"] in evidence.turns:
         values["direction"] = query.direction  # "left and then the second right": it knows one direction
+    if evidence.whole and {values["direction"], query.direction} == {"left", "right"}:
+        values["direction"] = str(query.direction)  # a side that is said is never the other one: "the slow lane"
     values = _without_others(query, evidence, _in_words_of(query, values))
     read = _with_values(query, values, prediction, evidence.others)
     if evidence.whole and query.referent is not None and read.referent is not None:  # it moves as is said

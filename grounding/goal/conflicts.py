@@ -1,0 +1,91 @@
+"""Vehicles that have to pass before we leave our lane: those that drive where our way leads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from appocc.checks import FloatArray
+from appocc.motion_state import DRIVING_MPS
+from grounding.referent.clarification import describe_one
+from grounding.referent.scene import SceneModel
+from grounding.road.car_paths import CarRoute
+from grounding.road.free_space import gap_m
+from grounding.road.road_map import RoadMap
+from grounding.scene_object import SceneObject
+
+# Speeds at which we may drive the way, and how far ahead in time a vehicle is taken to keep its own.
+_SPEEDS_MPS, _HORIZON_S = (4.0, 8.0), 6.0
+# Gap below which we are in its way.
+_NEAR_M = 0.4
+# Who drives within this lateral offset of our lane, and our way, is ahead of us or follows us.
+_IN_LANE_M, _SAME_WAY = 1.5, 0.7
+# Points of the way are tested at this spacing.
+_SPACING_M = 1.0
+
+
+def explain_conflicts(
+    way: CarRoute, scene: SceneModel, road: RoadMap, named: Sequence[SceneObject] = ()
+) -> list[str]:
+    """Return which vehicle has to pass before we drive a way, in words; empty without one.
+
+    Args:
+        way: the way.
+        scene: the scene.
+        road: the road that we drive on, with its vehicles.
+        named: the vehicles that the command names.
+    """
+    found = find_conflicts(way, road, named)
+    if not found:
+        return []
+    first = f"{describe_one(found[0], scene)}, drives at {found[0].speed_mps:.0f} m/s"
+    more = f", and so {'do' if len(found) > 2 else 'does'} {len(found) - 1} more" if found[1:] else ""
+    return [f"{first} and passes first{more}: we go once that way is clear"]
+
+
+def find_conflicts(way: CarRoute, road: RoadMap, named: Sequence[SceneObject] = ()) -> list[SceneObject]:
+    """Return the vehicles that reach our way when we do, the nearest first, if each keeps its speed and heading.
+
+    Those in our own lane are none: we follow them, or they follow us.
+
+    Args:
+        way: the way.
+        road: the road that we drive on, with its vehicles.
+        named: the vehicles that the command names.
+    """
+    points, heading, run_m = _thin(way)
+    found = [
+        one for one in _driving_elsewhere(road) if one not in named and _meets(one, points, heading, run_m, road)
+    ]
+    return sorted(found, key=lambda one: one.distance_m(road.ego))
+
+
+def _thin(way: CarRoute) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return points (K, 2), headings (K,) and the length of the way up to there (K,)."""
+    run_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way.points_m, axis=0).T))])
+    kept = np.unique(np.searchsorted(run_m, np.arange(0.0, run_m[-1], _SPACING_M)))
+    return way.points_m[kept], way.heading_rad[kept], run_m[kept]
+
+
+def _driving_elsewhere(road: RoadMap) -> Iterator[SceneObject]:
+    for item in road.free_space.objects:
+        if not item.front_known or (item.speed_mps or 0.0) <= DRIVING_MPS:
+            continue
+        _, lateral_m = (float(each) for each in road.ego_lane.project(item.centre_m))
+        ours = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) > _SAME_WAY
+        if not (ours and abs(lateral_m) < _IN_LANE_M):
+            yield item
+
+
+def _meets(item: SceneObject, points: FloatArray, heading: FloatArray, run_m: FloatArray, road: RoadMap) -> bool:
+    """Return whether a vehicle comes into our way at one of our speeds."""
+    ahead = np.array([np.cos(item.yaw_rad), np.sin(item.yaw_rad)])
+    for speed_mps in _SPEEDS_MPS:
+        time_s = run_m / speed_mps
+        soon = time_s < _HORIZON_S
+        moved = (item.speed_mps or 0.0) * time_s[soon, None] * ahead
+        gaps = gap_m(item, road.ego, points[soon] - moved, heading[soon])
+        if (gaps < _NEAR_M).any():
+            return True
+    return False
