@@ -235,8 +235,8 @@ class RoadMap:
     def is_oncoming_side(self, cells: IntArray, heading_rad: FloatArray) -> BoolArray:
         """(N,) whether cells (N, 2) belong to oncoming traffic of headings (N,): beyond the middle of a wide road.
 
-        The middle is a marking near half of the width, else that half; where vehicles come towards us, the road from
-        them on is theirs. A junction has no sides, nor has a road whose near edge is far away.
+        The middle is a marking near half of the width, else that half; where vehicles drive our way or towards us,
+        they show it. A junction has no sides, nor has a road whose near edge is far away.
         """
         turned = heading_rad + np.pi / 2
         left, right = (self.edge_distance_m(cells, angle, _MAX_ROAD_M) for angle in (turned, turned - np.pi))
@@ -246,16 +246,18 @@ class RoadMap:
         near_side = right if self.traffic_side > 0 else left
         has_sides = (left + right > _ONE_LANE_M) & (near_side < _MAX_ROAD_M)
         by_road = has_sides & (self.traffic_side * middle_m < -_MIDDLE_M)
-        theirs, with_us = self._is_beyond_oncoming(cells, heading_rad)
-        return np.asarray(np.where(theirs, with_us, by_road) & ~self.junctions[tuple(cells.T)])
+        theirs, ours, with_us = self._driven_by(cells, heading_rad)
+        by_traffic = np.where(theirs, with_us, by_road & ~(ours & with_us))
+        return np.asarray(by_traffic & ~self.junctions[tuple(cells.T)])
 
-    def _is_beyond_oncoming(self, cells: IntArray, heading_rad: FloatArray) -> tuple[BoolArray, BoolArray]:
-        """Whether cells (N, 2) are where vehicles come towards us on our road, and headings (N,) there with us."""
+    def _driven_by(self, cells: IntArray, heading_rad: FloatArray) -> tuple[BoolArray, BoolArray, BoolArray]:
+        """Whether cells (N, 2) are where traffic comes towards us, where it drives our way, and headings (N,) too."""
         along_m, lateral_m = (each[tuple(cells.T)] for each in (self.along_m, self.lateral_m))
         turn = np.cos(heading_rad - self.ego_lane.heading_rad(along_m))
         towards_m = self.traffic_side * lateral_m
-        there = (towards_m > self.sides.oncoming_m) & (towards_m < _MAX_ROAD_M) & (np.abs(turn) > _PARALLEL)
-        return there & (along_m < self.ego_lane.end_m), turn > 0
+        on_road = (np.abs(turn) > _PARALLEL) & (along_m < self.ego_lane.end_m)
+        theirs = on_road & (towards_m > self.sides.oncoming_m) & (towards_m < _MAX_ROAD_M)
+        return theirs, on_road & (towards_m > 0) & (towards_m < self.sides.ours_m), turn > 0
 
     def edge_distance_m(
         self, cells: IntArray, angle_rad: FloatArray, max_distance_m: float = _MAX_EDGE_M

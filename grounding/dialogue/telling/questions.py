@@ -53,7 +53,8 @@ from grounding.dialogue.telling.things import (
     find_things,
     names_thing,
 )
-from grounding.dialogue.telling.traffic import tell_coming, tell_waiting
+from grounding.dialogue.telling.traffic import tell_coming, tell_lane, tell_waiting
+from grounding.goal.conflicts import explain_conflicts
 from grounding.language import WordCategory
 from grounding.language.questions import Question, read_question
 from grounding.language.replies import says_no
@@ -271,8 +272,11 @@ def _tell_pace(talk: Conversation, text: str, question: Question) -> Answer | No
 
 
 def _tell_safe(talk: Conversation, text: str, question: Question) -> Answer:
-    planned = talk.state.goal is not None and talk.state.goal.target is not None
-    told = [_KEPT] if planned else []
+    goal = talk.state.goal
+    told = [_KEPT] if goal is not None and goal.target is not None else []
+    road, way = talk.scene.road, goal.plan.way if goal is not None and goal.plan is not None else None
+    if way is not None and road is not None:
+        told += explain_conflicts(way, talk.scene, road)
     return aside(talk, text, *told, f"{NOT_KNOWN}: signs, rules of parking, and what others will do")
 
 
@@ -344,6 +348,7 @@ def _tell_open(talk: Conversation, text: str, question: Question) -> Answer:
 _ANSWERS: Mapping[str, _Teller] = {
     "case": _tell_case,
     "why": _tell_why,
+    "lane": tell_lane,
     "waiting": tell_waiting,
     "walk": tell_walk,
     "next": tell_next,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.telling.measures import approaches, describe_one, find_in_lane
@@ -13,6 +15,11 @@ from grounding.dialogue.telling.things import describe_any, find_things
 from grounding.language.questions import Question
 from grounding.query import Referent
 from grounding.referent.resolver import MAX_CANDIDATES, find_all
+from grounding.road.lane_model import LANE_M
+
+# Who is in the lane beside ours this far behind and ahead of us hinders us there.
+_LANE_BACK_M, _LANE_AHEAD_M, _MOST_TOLD = 30.0, 20.0, 3
+_LANES, _SIDES = ("left_lane", "right_lane"), ("left_side", "right_side")
 
 
 def tell_coming(talk: Conversation, text: str, question: Question) -> Answer:
@@ -22,6 +29,25 @@ def tell_coming(talk: Conversation, text: str, question: Question) -> Answer:
     here = find_all(named or Referent("vehicle", "vehicle"), talk.scene)
     told = [describe_one(one, talk.scene) for one in here if approaches(one)][:MAX_CANDIDATES]
     return aside(talk, text, *(["yes", *told] if told else ["no: nothing that is seen comes towards us"]))
+
+
+def tell_lane(talk: Conversation, text: str, question: Question) -> Answer:
+    """Tell whether the lanes beside ours are free: the one on the side that a question names, or both."""
+    said = {str(token.value)[: -len("_lane")] for token in talk.read(text).tokens if token.value in _LANES}
+    said |= {str(token.value)[: -len("_side")] for token in talk.read(text).tokens if token.value in _SIDES}
+    told = [_describe_lane(talk, side) for side in ("left", "right") if side in said or not said]
+    return aside(talk, text, *told)
+
+
+def _describe_lane(talk: Conversation, side: str) -> str:
+    """Tell who is in the lane on one side of ours, near enough to hinder us."""
+    table, sign = talk.scene.table, 1 if side == "left" else -1
+    there = np.abs(table.lateral_m - sign * LANE_M) < LANE_M / 2
+    rows = np.flatnonzero(there & (table.along_m > -_LANE_BACK_M) & (table.along_m < _LANE_AHEAD_M))
+    if not len(rows):
+        return f"on the {side}: free, as far as is seen"
+    nearest = rows[np.argsort(np.abs(table.along_m[rows]))][:_MOST_TOLD]
+    return f"on the {side}: not free: {'; '.join(describe_one(table.items[int(row)], talk.scene) for row in nearest)}"
 
 
 def tell_waiting(talk: Conversation, text: str, question: Question) -> Answer:

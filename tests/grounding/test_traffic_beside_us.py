@@ -1,0 +1,75 @@
+"""Traffic beside and behind us: who passes before we leave our lane, who is followed, and where the kerb is full."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from street import BLACK, GREY, WHITE, Street
+
+from grounding.answer import Answer
+
+
+def answer_to(street: Street, command: str) -> Answer:
+    return street.grounder().session().say(command)
+
+
+def beside_us() -> Street:
+    """A car that comes up in the lane on our left, and a slow one ahead of us."""
+    return (
+        Street()
+        .car("rear", -12, 3.5, GREY, speed_mps=9)
+        .car("slow", 16, 0, WHITE, speed_mps=3)
+        .car("parked", 14, -3.2, BLACK)
+    )
+
+
+@pytest.mark.parametrize("command", ["overtake the white car", "change to the left lane", "make a u-turn"])
+def test_who_comes_up_beside_us_passes_first(command: str) -> None:
+    answer = answer_to(beside_us(), command)
+    assert answer.status == "ok"
+    assert any("grey car" in reason and "passes first" in reason for reason in answer.reasons)
+
+
+@pytest.mark.parametrize("command", ["follow the white car", "stop behind the white car", "carry on"])
+def test_nobody_has_to_pass_while_we_keep_our_lane(command: str) -> None:
+    answer = answer_to(beside_us(), command)
+    assert answer.status == "ok"
+    assert not any("passes first" in reason for reason in answer.reasons)
+
+
+def test_a_follower_that_has_to_shift_drives_forward() -> None:
+    answer = answer_to(Street().car("ahead", 14, -1.2, WHITE, speed_mps=3), "follow the white car")
+    assert answer.status == "ok"
+    assert answer.target is not None
+    assert answer.target.ego_m[0] > 3
+    assert not any("backwards" in reason for reason in answer.reasons)
+
+
+def test_we_stay_behind_a_queue_that_creeps() -> None:
+    answer = answer_to(Street().car("queue", 15, 0, WHITE, speed_mps=1.6), "carry on")
+    assert answer.target is not None
+    assert answer.target.ego_m[0] < 10
+    assert abs(answer.target.ego_m[1]) < 0.8
+
+
+def test_a_full_kerb_is_no_place_to_pull_over() -> None:
+    street = Street()
+    for number in range(9):
+        street.car(f"p{number}", -8 + 5.4 * number, -6.9, BLACK)
+    answer = answer_to(street, "pull over on the right")
+    assert answer.status == "ambiguous"
+    assert "in our lane" in answer.question
+
+
+def test_a_place_across_the_road_says_that_it_faces_the_traffic() -> None:
+    street = Street().car("oncoming", 30, 4, GREY, yaw_rad=np.pi, speed_mps=10)
+    answer = answer_to(street, "pull over on the left")
+    assert any("facing the traffic" in reason for reason in answer.reasons)
+
+
+def test_whether_the_lane_beside_us_is_free() -> None:
+    session = beside_us().grounder().session()
+    assert "not free: the grey car" in session.say("is the left lane free?").reasons[0]
+    assert "not free: the black car" in session.say("is the lane on our right clear?").reasons[0]
+    assert len(session.say("is the lane next to us empty?").reasons) == 2
+    assert "free, as far as is seen" in Street().grounder().session().say("is the right lane clear?").reasons[0]
