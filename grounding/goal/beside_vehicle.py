@@ -7,8 +7,10 @@ import numpy as np
 from appocc.checks import FloatArray
 from appocc.geometry import wrap_angle
 from grounding.goal.candidates import CandidateSet, DistanceRange
+from grounding.goal.merging import shift_length_m
 from grounding.goal.reference_frames import ReferenceVehicle
 from grounding.query import Query
+from grounding.road.lane_model import LANE_M
 from grounding.road.road_map import RoadMap, align_axis
 from grounding.road.style import DrivingStyle
 from grounding.scene_object import SceneObject
@@ -21,8 +23,6 @@ _PASSED_M, _PULLED_OVER_M = 6.0, 0.5
 _MIN_PASSED_M = 2.0
 # Tolerance beyond the preferred gap (a queue may be in between, except for parking) and below it.
 _FURTHER_M, _FURTHER_PARKED_M, _CLOSER_M = 10.0, 3.0, 3.0
-# A shift to one side takes this much more of our lane than two arcs of the turning circle.
-_SHIFT_ROOM = 1.3
 # Tolerance along the vehicle for candidates level with it.
 _LEVEL_M = 1.0
 # Least gaps to bumpers and to sides; preferred and greatest gap to a side.
@@ -98,7 +98,7 @@ def propose_in_line(relation: str, query: Query, item: SceneObject, road: RoadMa
     if not reference.is_across:
         headings.append(reference.road_heading_rad)
         if gaps.most_m > _FURTHER_M + road.style.stop_gap_m:
-            along, lateral = _offsets_along_lane(reference, front, sign)
+            along, lateral = _offsets_along_lane(reference, front, sign, keeps_lane=query.action == "follow")
     if query.action == "follow" and item.front_known:
         headings = [np.where(np.cos(one - item.yaw_rad) < 0, wrap_angle(one + np.pi), one) for one in headings]
         if reference.faces_us and not reference.is_standing:
@@ -137,19 +137,25 @@ def _from_here_on(gaps: DistanceRange, reference: ReferenceVehicle) -> DistanceR
     (along_m, aside_m), item, ego = reference.lane_position, reference.item, reference.road.ego
     here_m = along_m - (item.length_m + ego.length_m) / 2
     drives = reference.beside_ego_lane and not (reference.is_standing or reference.faces_us)
-    there_m = here_m - _SHIFT_ROOM * 2 * np.sqrt(ego.turning_radius_m * abs(aside_m))
+    there_m = here_m - (shift_length_m(aside_m, ego) if abs(aside_m) > LANE_M / 2 else 0.0)
     if not drives or not _MIN_GAP_M < there_m < gaps.preferred_m:
         return gaps
     return DistanceRange(min(gaps.least_m, there_m - _CLOSER_M), there_m, gaps.most_m)
 
 
-def _offsets_along_lane(reference: ReferenceVehicle, front: float, sign: float) -> tuple[FloatArray, FloatArray]:
-    """Return offsets (N,) each along and across the lane of the vehicle, ahead of it or behind it (sign -1)."""
+def _offsets_along_lane(
+    reference: ReferenceVehicle, front: float, sign: float, keeps_lane: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Return offsets (N,) each along and across the lane of the vehicle, ahead of it or behind it (sign -1).
+
+    Who follows a vehicle in our lane keeps to the middle of it (`keeps_lane`), wherever that vehicle drives in it.
+    """
     road, item, forward = reference.road, reference.item, front - reference.travel_rad
     if reference.beside_ego_lane and abs(np.sin(forward)) < 0.5:
         at, off = reference.lane_position
         along, lateral = reference.lane_coordinates
-        return (1.0 if np.cos(forward) > 0 else -1.0) * (along - at), lateral - off
+        across = lateral if keeps_lane and abs(off) < LANE_M / 2 else lateral - off
+        return (1.0 if np.cos(forward) > 0 else -1.0) * (along - at), across
     i, j = reference.cells.T
     lane = road.tracer.trace(item.centre_m, front if sign > 0 else front + np.pi, reference.reach_m)
     along, lateral = lane.cell_coordinates(road.grid)

@@ -19,6 +19,8 @@ from grounding.scene_object import SceneObject
 _SPEEDS_MPS, _HORIZON_S = (4.0, 8.0), 6.0
 # Gap below which we are in its way.
 _NEAR_M = 0.4
+# From this lateral offset on we leave our lane.
+_LEAVES_M = 1.2
 # Who drives within this lateral offset of our lane, and our way, is ahead of us or follows us.
 _IN_LANE_M, _SAME_WAY = 1.5, 0.7
 # Points of the way are tested at this spacing.
@@ -55,6 +57,10 @@ def find_conflicts(way: CarRoute, road: RoadMap, named: Sequence[SceneObject] = 
         named: the vehicles that the command names.
     """
     points, heading, run_m = _thin(way)
+    outside = np.abs(road.ego_lane.project(points)[1]) > _LEAVES_M
+    if not outside.any():
+        return []
+    points, heading, run_m = points[outside], heading[outside], run_m[outside]
     found = [
         one for one in _driving_elsewhere(road) if one not in named and _meets(one, points, heading, run_m, road)
     ]

@@ -38,6 +38,11 @@ def propose_in_lane(road: RoadMap, ahead: DistanceRange, words: str) -> list[Can
     return [_along_lane(road, 0.0, _IN_LANE_M, ahead, 4.0, words)]
 
 
+def propose_in_lane_of(road: RoadMap, offset_m: float, ahead: DistanceRange, words: str) -> CandidateSet:
+    """Propose candidates in the lane at a lateral offset from ours, some distance ahead."""
+    return _along_lane(road, offset_m, _LANE_SLACK_M, ahead, 4.0, words)
+
+
 def propose_next_lane(road: RoadMap, side: str | None) -> list[CandidateSet]:
     """Propose candidates in the lane to the left or right of the ego lane (None: either)."""
     sides = [(name, sign) for name, sign in (("left", 1.0), ("right", -1.0)) if side in (name, None)]
@@ -168,8 +173,9 @@ def propose_turned_around(road: RoadMap, ahead_m: float) -> list[CandidateSet]:
     start = road.grid.cell_of(road.ego_lane.origin_m)[None]
     start = np.clip(start, 0, np.array(road.grid.shape) - 1)
     left_m, right_m = (float(road.edge_distance_m(start, np.array([turn]))[0]) for turn in (np.pi / 2, -np.pi / 2))
-    # The opposite lane mirrors the ego lane at the middle of the road.
-    offset_m = road.traffic_side * max(road.traffic_side * (left_m - right_m), LANE_M)
+    # The opposite lane is where vehicles come towards us, else it mirrors the ego lane at the middle of the road.
+    across_m = max(road.traffic_side * (left_m - right_m), LANE_M)
+    offset_m = road.traffic_side * min(across_m, road.sides.oncoming_m + road.ego.width_m / 2)
     region = (along >= ahead_m - 11.0) & (along <= min(ahead_m + 22.0, road.ego_lane.end_m))
     region &= np.abs(lateral - offset_m) <= 2.5
     cells = np.argwhere(region)

@@ -26,6 +26,7 @@ from grounding.goal.limits import (
     reversing_cost,
     standing_cost,
 )
+from grounding.goal.merging import moves_in_behind, propose_merging
 from grounding.goal.proposals import explain_refusal, is_in_our_way, propose_candidates
 from grounding.goal.search import CandidateSearch
 from grounding.goal.traffic import (
@@ -240,7 +241,16 @@ def plan_place(
         if followed.target is None:
             return GoalPlan(None, (reason, *followed.reasons))
         return GoalPlan(None, (reason,), question=_FOLLOW, instead="follow")
-    proposed, reasons = propose_candidates(query, road, item, partner)
+    proposed: list[CandidateSet] | None
+    if item is not None and moves_in_behind(query, item, road):
+        road = road.without([item])
+        proposed, reasons = (
+            [propose_merging(item, road)],
+            [f"it {how_it_moves(item)}: we move in behind it once it is ahead of us"],
+        )
+        item = None
+    else:
+        proposed, reasons = propose_candidates(query, road, item, partner)
     if item is not None and item.speed_mps is not None and item.speed_mps > MOVING_MPS:
         reasons = [*reasons, f"it moves at {item.speed_mps:.0f} m/s: the place is measured from where it is now"]
     if proposed is None:

@@ -182,10 +182,10 @@ class RoadMap:
             return None
         key = frozenset(one.id for one in leaving), places
         if key not in self._later:  # several commands and candidates share its ways
-            self._later[key] = self._without(leaving, places)
+            self._later[key] = self.without(leaving, places)
         return self._later[key]
 
-    def _without(self, leaving: Sequence[SceneObject], places: bool) -> RoadMap:
+    def without(self, leaving: Sequence[SceneObject], places: bool = True) -> RoadMap:
         """Return the road map without vehicles that leave; without `places` they stay where a goal may be."""
         under = ndimage.binary_dilation(cover_cells(self.grid, leaving), iterations=_EDGE_CELLS)
         later = self.free_space.without(leaving, under)

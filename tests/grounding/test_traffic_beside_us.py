@@ -73,3 +73,25 @@ def test_whether_the_lane_beside_us_is_free() -> None:
     assert "not free: the black car" in session.say("is the lane on our right clear?").reasons[0]
     assert len(session.say("is the lane next to us empty?").reasons) == 2
     assert "free, as far as is seen" in Street().grounder().session().say("is the right lane clear?").reasons[0]
+
+
+@pytest.mark.parametrize("command", ["get behind the grey car on the left", "change lanes behind the grey car"])
+def test_we_move_in_behind_a_car_that_is_about_to_be_ahead(command: str) -> None:
+    answer = answer_to(Street().car("beside", 2, 3.5, GREY, speed_mps=8), command)
+    assert answer.status == "ok"
+    assert answer.target is not None
+    assert answer.target.ego_m[0] > 8
+    assert answer.target.ego_m[1] == pytest.approx(3.5, abs=0.8)
+    assert any("once it is ahead of us" in reason for reason in answer.reasons)
+
+
+def test_to_go_with_the_traffic_is_to_drive_on() -> None:
+    answer = answer_to(Street(), "just follow the traffic")
+    assert answer.status == "ok"
+    assert answer.target is not None
+    assert abs(answer.target.ego_m[1]) < 1
+
+
+def test_who_comes_up_from_behind_is_told() -> None:
+    answer = answer_to(beside_us(), "who is that coming up behind us?")
+    assert any("grey car" in reason for reason in answer.reasons)
