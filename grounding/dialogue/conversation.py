@@ -214,6 +214,8 @@ class Conversation:
             state = replace(state.with_earlier(), plan=steps, goal=answer, question=None, asked=steps)
             named = ((one.referent, one.query.referent) for one in (answer, *reversed(answer.steps)))
             focus = next(((item, referent) for item, referent in named if item and referent), None)
+            if focus is None and (first := answer.plan.passes_first) is not None:  # "wait until he's past"
+                focus = Candidate(first, {}, 1.0), Referent(first.class_name, first.common_name)
             if focus is not None:
                 state = replace(state, focus=focus, topic=None)
         elif answer.plan.refused and not answer.question:  # nothing is asked; the vehicle was spoken of

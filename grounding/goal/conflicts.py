@@ -27,18 +27,13 @@ _IN_LANE_M, _SAME_WAY = 1.5, 0.7
 _SPACING_M = 1.0
 
 
-def explain_conflicts(
-    way: CarRoute, scene: SceneModel, road: RoadMap, named: Sequence[SceneObject] = ()
-) -> list[str]:
+def explain_conflicts(found: Sequence[SceneObject], scene: SceneModel) -> list[str]:
     """Return which vehicle has to pass before we drive a way, in words; empty without one.
 
     Args:
-        way: the way.
+        found: the vehicles that `find_conflicts` found, the nearest first.
         scene: the scene.
-        road: the road that we drive on, with its vehicles.
-        named: the vehicles that the command names.
     """
-    found = find_conflicts(way, road, named)
     if not found:
         return []
     first = f"{describe_one(found[0], scene)}, drives at {found[0].speed_mps:.0f} m/s"

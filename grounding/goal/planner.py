@@ -14,7 +14,7 @@ from appocc.geometry import footprints, wrap_angle
 from appocc.motion_state import DRIVING_MPS, MOVING_MPS
 from grounding.goal.at_landmark import keep_clear
 from grounding.goal.candidates import CandidateSet, GoalCandidate
-from grounding.goal.conflicts import explain_conflicts
+from grounding.goal.conflicts import explain_conflicts, find_conflicts
 from grounding.goal.exclusions import ExcludedPlace, excluded_cells
 from grounding.goal.explanations import explain_gap, explain_second_row, explain_target, explain_way
 from grounding.goal.limits import (
@@ -120,6 +120,7 @@ class GoalPlan:
         later: whether the place lies beyond the map: it is planned once more of the road is seen.
         around_m: (2,) point, ego frame, around which `with_nearest` looks for the nearest place; None if there is
             nothing to look for.
+        passes_first: the vehicle that has to pass before we drive the way; None without one.
     """
 
     target: Target | None
@@ -135,6 +136,7 @@ class GoalPlan:
     later: bool = False
     around_m: FloatArray | None = None
     of_place: tuple[str, ...] = ()
+    passes_first: SceneObject | None = None
 
     @property
     def score(self) -> float | None:
@@ -288,13 +290,14 @@ def plan_place(
     target, *others = (to_target(candidate, scene, road) for candidate in best)
     of_place = [*explain_target(search, best[0]), explain_way(way), *explain_gap(query, best[0])]
     of_place += explain_second_row(query, best[0].cell, best[0].heading_rad, road)
-    if start is None:
-        of_place += explain_conflicts(way, scene, road, references)
+    first = find_conflicts(way, road, references) if start is None else []
+    of_place += explain_conflicts(first, scene)
     reasons = [*reasons, *of_place]
     if target.score < _MIN_SCORE_OK:
         reasons.append("the best free place fits the command badly: it is too far away, or too awkward to reach")
         return GoalPlan(None, tuple(reasons), nearest=target, search=search)
-    return GoalPlan(target, tuple(reasons), way, tuple(others), None, search, of_place=tuple(of_place))
+    plan = GoalPlan(target, tuple(reasons), way, tuple(others), None, search, of_place=tuple(of_place))
+    return replace(plan, passes_first=first[0]) if first else plan
 
 
 def _is_worth_waiting(

@@ -95,3 +95,14 @@ def test_to_go_with_the_traffic_is_to_drive_on() -> None:
 def test_who_comes_up_from_behind_is_told() -> None:
     answer = answer_to(beside_us(), "who is that coming up behind us?")
     assert any("grey car" in reason for reason in answer.reasons)
+
+
+def test_who_passes_first_is_spoken_of() -> None:
+    session = beside_us().grounder().session()
+    session.say("change to the left lane")
+    answer = session.say("let him pass first")
+    assert answer.status == "ok"
+    waits, changes = answer.steps
+    assert waits.referent is not None
+    assert waits.referent.item.id == "rear"
+    assert changes.query.action == "change_lane"

@@ -54,7 +54,7 @@ from grounding.dialogue.telling.things import (
     names_thing,
 )
 from grounding.dialogue.telling.traffic import tell_coming, tell_lane, tell_waiting
-from grounding.goal.conflicts import explain_conflicts
+from grounding.goal.conflicts import explain_conflicts, find_conflicts
 from grounding.language import WordCategory
 from grounding.language.questions import Question, read_question
 from grounding.language.replies import says_no
@@ -276,7 +276,7 @@ def _tell_safe(talk: Conversation, text: str, question: Question) -> Answer:
     told = [_KEPT] if goal is not None and goal.target is not None else []
     road, way = talk.scene.road, goal.plan.way if goal is not None and goal.plan is not None else None
     if way is not None and road is not None:
-        told += explain_conflicts(way, talk.scene, road)
+        told += explain_conflicts(find_conflicts(way, road), talk.scene)
     return aside(talk, text, *told, f"{NOT_KNOWN}: signs, rules of parking, and what others will do")
 
 
