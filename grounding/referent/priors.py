@@ -37,6 +37,8 @@ _PARKED_FOLLOWED = 0.05
 _ALONG_SIDE, _OTHER_SIDE = ("behind", "in_front_of", "before", "past", "between"), 0.1
 # How much less plausible a vehicle that faces us, across the road, is to stop at.
 _ACROSS = 0.3
+# Plausibility of stopping at "the car ahead" where that is none in our lane.
+_NOT_LEADING = 0.4
 # Prediction times for crossing the ego path, and the speed of people who stand.
 _PREDICTION_TIMES_S, _WALKING_MPS = (0.0, 2.0, 4.0), 1.2
 
@@ -130,7 +132,10 @@ def log_action_prior(query: Query, table: ObjectTable) -> FloatArray:
     elif query.action in ("park", "pull_over"):
         fit = standing * (1 - _ACROSS * is_facing_ego(table))
     elif query.action == "stop" and query.relation not in ("none", "at", "toward"):
-        fit = (0.5 + 0.5 * standing) * (1 - _ACROSS * is_facing_ego(table))
+        leads = in_own_lane(table) * (table.along_m > 0)  # one that drives there is followed until it stands
+        fit = (0.5 + 0.5 * np.maximum(standing, leads)) * (1 - _ACROSS * is_facing_ego(table))
+        if query.referent is not None and "ahead" in query.referent.qualifiers:
+            fit = fit * (_NOT_LEADING + (1 - _NOT_LEADING) * leads)
     if query.goal_side is not None and query.relation in _ALONG_SIDE:
         side = 1 if query.goal_side == "left" else -1
         fit = fit * (_OTHER_SIDE + (1 - _OTHER_SIDE) * rising(side * table.lateral_m, 0.5, 0.3))
