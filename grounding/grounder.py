@@ -83,6 +83,7 @@ class Grounder:
         self._llm, self._ego = llm, ego
         self._scene: SceneModel | None = None
         self._street_map: VectorMap | None = None
+        self._left_hand_traffic = self.config.left_hand_traffic
 
     @property
     def scene(self) -> SceneModel | None:
@@ -92,6 +93,15 @@ class Grounder:
     def set_street_map(self, street_map: VectorMap | None) -> None:
         """Set the vector map, world frame, from which the scenes that are set next take their landmarks."""
         self._street_map = street_map
+
+    def set_left_hand_traffic(self, left_hand: bool | None) -> None:
+        """Set whether traffic drives on the left in the scenes that are set next; a configured side stays.
+
+        Args:
+            left_hand: None: as oncoming vehicles do, else on the right.
+        """
+        if self.config.left_hand_traffic is None:
+            self._left_hand_traffic = left_hand
 
     def set_scene(
         self,
@@ -129,7 +139,7 @@ class Grounder:
             scene = scene_from_tracks(bev, vehicles, pose, ego=self._ego)
         if self._street_map is not None:
             scene = replace(scene, landmarks=Landmarks.from_map(self._street_map, pose))
-        self._scene = replace(scene, left_hand_traffic=self.config.left_hand_traffic, style=self.config.style)
+        self._scene = replace(scene, left_hand_traffic=self._left_hand_traffic, style=self.config.style)
         return self._scene
 
     def ground(self, text: str) -> Answer:

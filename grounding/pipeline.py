@@ -13,6 +13,9 @@ from grounding.grounder import Grounder
 from tracking.io.nuscenes_tracks import read_key_frame
 from tracking.tracks import Track
 
+# Sides of traffic by the place names with which locations of nuScenes begin.
+_ON_THE_LEFT = {"singapore": True, "boston": False}
+
 
 def set_key_frame(
     grounder: Grounder,
@@ -26,7 +29,8 @@ def set_key_frame(
     """Set a key frame of a dataset as the scene of a grounder.
 
     The vehicles are the given tracks; without tracks, the annotated boxes on a true map (`BEVMap.is_truth`) and the
-    map's own objects or instances on any other one: a prediction is never completed from annotations.
+    map's own objects or instances on any other one: a prediction is never completed from annotations. Traffic drives
+    on the left where the location of the log says so.
 
     Args:
         grounder: its scene is replaced.
@@ -44,13 +48,20 @@ def set_key_frame(
     """
     frame = dataset.frame(sample, images=images)
     bev = load_map(dataset.root, source, sample.token)
-    grounder.set_street_map(vector_map(dataset, dataset.scene(sample.scene_token)))
+    scene = dataset.scene(sample.scene_token)
+    grounder.set_street_map(vector_map(dataset, scene))
+    grounder.set_left_hand_traffic(_drives_on_left(dataset.location(scene)))
     if tracks is None:
         grounder.set_scene(bev, frame.boxes_ego if bev.is_truth else None, frame.world_from_ego)
     else:
         given = read_key_frame(tracks, sample.token) if isinstance(tracks, Path) else tracks
         grounder.set_scene(bev, given, frame.world_from_ego)
     return frame
+
+
+def _drives_on_left(location: str) -> bool | None:
+    """Return whether traffic drives on the left at a location such as "singapore-onenorth"; None: unknown."""
+    return _ON_THE_LEFT.get(location.lower().split("-")[0])
 
 
 def set_saved_map(grounder: Grounder, path: Path) -> None:

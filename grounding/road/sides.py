@@ -15,8 +15,10 @@ from grounding.scene_object import SceneObject
 
 # Votes of a moving oncoming vehicle for the side of traffic; a standing one has one vote.
 _MOVING_VOTES = 3.0
+# So many vehicles across the road that head our way show a road of one direction, though they stand.
+_LEAST_PARKED = 2
 # Vehicles with such lateral offsets from our lane are on our road, at such distances behind us at most.
-_ROAD_M, _BEHIND_M = (2.0, 12.0), 20.0
+_ROAD_M, _BEHIND_M = (2.0, 12.0), 30.0
 # Least cosine between the heading of a vehicle and the road that it drives along.
 _PARALLEL = 0.8
 
@@ -58,7 +60,11 @@ class TrafficSides:
         )
         left_hand = votes <= -_MOVING_VOTES if left_hand_traffic is None else left_hand_traffic
         side = -1 if left_hand else 1
-        driven = [(side * one.lateral_m, one.width_m / 2, one.against) for one in on_road if one.moves]
+        # Where nobody heads against us, several that stand our way show a road of one direction.
+        across = [one for one in on_road if side * one.lateral_m > 0]
+        one_way = not any(one.against for one in on_road) and len(across) >= _LEAST_PARKED
+        shows = [one for one in on_road if one.moves or (one_way and one in across)]
+        driven = [(side * one.lateral_m, one.width_m / 2, one.against) for one in shows]
         theirs_m = min((at - half for at, half, against in driven if against and at > 0), default=np.inf)
         ours_m = max((at + half for at, half, against in driven if not against and at < theirs_m), default=-np.inf)
         return cls(side, theirs_m, min(ours_m, theirs_m))
