@@ -15,8 +15,9 @@ from grounding.road.free_space import gap_m
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
 
-# Speeds at which we may drive the way, and how far ahead in time a vehicle is taken to keep its own.
-_SPEEDS_MPS, _HORIZON_S = (4.0, 8.0), 6.0
+# Speeds at which we may drive the way, how far ahead in time a vehicle is taken to keep its own, and how much earlier
+# or later than we it may be there.
+_SPEEDS_MPS, _HORIZON_S, _EARLIER_S = (3.0, 5.0, 8.0), 6.0, (0.0, -1.0, 1.0)
 # Gap below which we are in its way.
 _NEAR_M = 0.4
 # From this lateral offset on we leave our lane.
@@ -85,8 +86,8 @@ def _meets(item: SceneObject, points: FloatArray, heading: FloatArray, run_m: Fl
     for speed_mps in _SPEEDS_MPS:
         time_s = run_m / speed_mps
         soon = time_s < _HORIZON_S
-        moved = (item.speed_mps or 0.0) * time_s[soon, None] * ahead
-        gaps = gap_m(item, road.ego, points[soon] - moved, heading[soon])
-        if (gaps < _NEAR_M).any():
-            return True
+        for earlier_s in _EARLIER_S:
+            moved = (item.speed_mps or 0.0) * np.maximum(time_s[soon, None] + earlier_s, 0.0) * ahead
+            if (gap_m(item, road.ego, points[soon] - moved, heading[soon]) < _NEAR_M).any():
+                return True
     return False

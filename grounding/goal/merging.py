@@ -37,7 +37,7 @@ def moves_in_behind(query: Query, item: SceneObject, road: RoadMap) -> bool:
     ours = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) > _SAME_WAY
     beside = _BESIDE_M[0] < abs(aside_m) < _BESIDE_M[1] and (item.speed_mps or 0.0) > DRIVING_MPS
     rear_m = along_m - (item.length_m + road.ego.length_m) / 2
-    return bool(ours and beside and -_COMES_UP_M < rear_m < shift_length_m(aside_m, road.ego))
+    return bool(ours and beside and -_COMES_UP_M < rear_m < shift_length_m(aside_m, road.ego) + _PREFERRED_M)
 
 
 def propose_merging(item: SceneObject, road: RoadMap) -> CandidateSet:

@@ -213,7 +213,9 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
     if turn and query.direction and any("behind_ego" in part.qualifiers for part in query.secondary):
         return None, explain_passed(road, query.direction) or [f"no road to the {query.direction} is known behind us"]
     if turn and query.direction and action not in ("change_lane", "follow", "overtake"):
-        return propose_side_road(road, query.direction, count=query.count or 1)
+        turning = propose_side_road(road, query.direction, count=query.count or 1)
+        keeps = action == "other" and not turning[0] and query.count is None
+        return _propose_lane_change(query, road, ()) if keeps else turning  # "keep right" where no road branches off
     if query.direction == "around":
         return ego_lane.propose_turned_around(road, _TURN_M), []
     lanes = [word for part in query.secondary if part.noun == "lane" for word in part.qualifiers]

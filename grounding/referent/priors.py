@@ -31,14 +31,16 @@ _INDEFINITE_SCALE_M = 15.0
 _LEAST_PLAUSIBILITY = 0.3
 _YIELDING = ("give_way", "wait")
 # The same where the motion of a vehicle all but decides, and plausibility of following a parked one.
-_LEAST_PLAUSIBILITIES: dict[str | None, float] = {"follow": 0.05, "park": 0.15, "pull_over": 0.15}
+_LEAST_PLAUSIBILITIES: dict[str | None, float] = {"follow": 0.05, "park": 0.15, "pull_over": 0.15, "wait": 0.15}
 _PARKED_FOLLOWED = 0.05
 # Relations to vehicles that stand in line with the place, and plausibility of one on the other side than the place.
 _ALONG_SIDE, _OTHER_SIDE = ("behind", "in_front_of", "before", "past", "between"), 0.1
 # How much less plausible a vehicle that faces us, across the road, is to stop at.
 _ACROSS = 0.3
 # Plausibility of stopping at "the car ahead" where that is none in our lane.
-_NOT_LEADING = 0.4
+_NOT_LEADING = 0.15
+# A vehicle that drives our way this far ahead does not pass us any more.
+_AWAY_M = 8.0
 # Prediction times for crossing the ego path, and the speed of people who stand.
 _PREDICTION_TIMES_S, _WALKING_MPS = (0.0, 2.0, 4.0), 1.2
 
@@ -122,11 +124,19 @@ def log_action_prior(query: Query, table: ObjectTable) -> FloatArray:
     elif query.action == "approach" and query.relation == "toward":
         leads = in_own_lane(table) * (1 - standing) * (table.along_m > 0) * (1 - is_facing_ego(table))
         fit = 0.4 + 0.6 * leads
+    elif query.action == "change_lane":
+        fit = 1 - 0.8 * is_facing_ego(table)
+    elif query.action == "wait" and query.trigger == "pass" and _is_of_vehicles(query):
+        # Who drives away ahead of us has passed.
+        away = (table.along_m > _AWAY_M) * (1 - is_facing_ego(table)) * (np.cos(table.relative_heading_rad) > 0)
+        fit = (1 - 0.85 * standing) * (1 - 0.7 * away)
     elif query.action in _YIELDING and query.trigger in ("clear", "turn") and _is_of_vehicles(query):
         fit = (1 - 0.85 * standing) * (0.4 + 0.6 * in_own_lane(table))
     elif query.action in _YIELDING and query.trigger not in ("leave", "stop"):
         # Pedestrians who get the right of way may wait at the kerb; vehicles move.
         fit = _crosses_ego_path(table) * (1 - 0.7 * standing * table.is_vehicle)
+    elif query.action == "avoid" and query.distance_m is not None:  # whose distance we keep is ahead of us
+        fit = _NOT_LEADING + (1 - _NOT_LEADING) * in_own_lane(table) * (table.along_m > 0)
     elif query.action in ("avoid", "slow_down"):
         fit = np.maximum(_crosses_ego_path(table), gaussian(table.lateral_m, 4.0)) * (table.along_m > 0)
     elif query.action in ("park", "pull_over"):

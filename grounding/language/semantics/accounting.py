@@ -100,9 +100,11 @@ def account_for(
     ]
     unused = [i for i in unused if not _said_twice(tokens, i, unused, build, whole)]
     used = [tokens[i] for i in content if i not in unused]
-    meanings = {(token.category, token.value) for token in used}
+    meanings = {
+        _meaning(token) for token in (*used, *(token for token in tokens if token.category is WordCategory.HERE))
+    }
     # A word is not dropped if the same is said, and used, elsewhere.
-    dropped = [i for i in unused if (tokens[i].category, tokens[i].value) not in meanings]
+    dropped = [i for i in unused if _meaning(tokens[i]) not in meanings]
     commanding = _commanding_starts(tokens, {token.start for token in used if token.category is WordCategory.VERB})
     steered = _commanding_starts(tokens, {token.start for token in tokens if _commands(token)})
     steered = {token.start for token in tokens if token.category in _STEERING and token.start in steered}
@@ -116,11 +118,16 @@ def account_for(
     return Account(*(tuple(dict.fromkeys(tokens[i].text for i in part)) for part in (dropped, doubtful, strange)))
 
 
+def _meaning(token: Token) -> tuple[object, object]:
+    """Return what a word says: our side of the road is that of the kerb."""
+    return ("side", "kerb") if token.value in ("kerb", "own_side") else (token.category, token.value)
+
+
 def _said_twice(
     tokens: Sequence[Token], i: int, unused: Sequence[int], build: Callable[[Sequence[Token]], object], whole: object
 ) -> bool:
     """Return whether a word changes nothing only because the same is said again: "the red car, the other red one"."""
-    same = {j for j in unused if (tokens[j].category, tokens[j].value) == (tokens[i].category, tokens[i].value)}
+    same = {j for j in unused if _meaning(tokens[j]) == _meaning(tokens[i])}
     return len(same) > 1 and build([token for j, token in enumerate(tokens) if j not in same]) != whole
 
 
