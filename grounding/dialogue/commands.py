@@ -21,6 +21,7 @@ from grounding.language import Reading, WordCategory
 from grounding.language.replies import Reply
 from grounding.language.revised_readings import evidence_of
 from grounding.query import Query, Referent
+from grounding.referent.ordinals import find_ordinals
 from grounding.referent.resolver import Candidate
 from grounding.requests import STOPS, Request, requests_of
 from grounding.vocabulary import Action
@@ -183,7 +184,13 @@ def _wait_there(talk: Conversation, reading: Reading) -> Answer | None:
 
 
 def _about_focus(talk: Conversation, query: Query) -> Query:
-    """Return a query with the vehicle spoken of, if its action needs one and it names none: "just go past"."""
+    """Return a query with the vehicle spoken of: "just go past" names none, "the last one" is one of those counted."""
+    topic, said_one = talk.state.topic, query.referent
+    if (
+        topic and said_one and said_one.anaphora and find_ordinals(said_one.qualifiers)
+    ):  # "the last one" of those counted
+        among = tuple(one for one in topic.qualifiers if one not in said_one.qualifiers)
+        return replace(query, referent=replace(said_one, qualifiers=(*among, *said_one.qualifiers)))
     named = query.referent or query.secondary or query.unresolved or query.relation != "none"
     if query.action not in _OF_VEHICLES or named or talk.antecedent is None:
         return query

@@ -21,8 +21,8 @@ from grounding.road.pose import Pose2D
 
 # Greatest distance backwards unless the command asks for more.
 MOST_BACK_M = 10.0
-# A goal in the start's own cell, turned by less than this, is where the ego is.
-_STAYS_RAD = 0.1
+# A goal this near straight ahead, to such a share of a cell and turned by less than the angle, needs no steering.
+_STRAIGHT_M, _ROUNDED, _STAYS_RAD = 3.0, 0.75, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,10 +146,13 @@ class CarPaths:
         """Return the way to a cell at a heading; None if a car does not get there."""
         centre = self.grid.centre_of(np.array(cell))
         turned = (heading_rad - self.start.heading_rad + np.pi) % (2 * np.pi) - np.pi
-        if np.abs(centre - self.start.xy_m).max() < self.grid.cell_m and abs(turned) < _STAYS_RAD:
-            # It stays where it is: the goal is the nearest cell.
-            points, heading = np.stack([self.start.xy_m, centre]), np.full(2, self.start.heading_rad)
-            return CarRoute(points, heading, np.zeros(2, np.bool_))
+        (dx, dy), (cos, sin) = centre - self.start.xy_m, self.start.ahead
+        ahead_m, aside_m = dx * cos + dy * sin, dy * cos - dx * sin
+        straight = -self.grid.cell_m < ahead_m < _STRAIGHT_M and abs(aside_m) < self.grid.cell_m * _ROUNDED
+        if straight and abs(turned) < _STAYS_RAD:
+            # It stays where it is, or rolls straight on: the goal is the nearest cell.
+            points = np.linspace(self.start.xy_m, centre, int(2 * abs(ahead_m)) + 2)
+            return CarRoute(points, np.full(len(points), self.start.heading_rad), np.zeros(len(points), np.bool_))
         goal = self._rear_axle(self.grid.centre_of(np.array([cell])), np.array([heading_rad]))[0]
         states = connect(self._model, self._reached, goal)
         if not len(states):

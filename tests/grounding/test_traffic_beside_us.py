@@ -106,3 +106,29 @@ def test_who_passes_first_is_spoken_of() -> None:
     assert waits.referent is not None
     assert waits.referent.item.id == "rear"
     assert changes.query.action == "change_lane"
+
+
+def test_the_kerb_is_on_the_left_where_traffic_drives_there() -> None:
+    grounder = Street().grounder()
+    grounder.set_left_hand_traffic(True)
+    grounder.set_scene(Street().bev(), Street().boxes())
+    place = grounder.ground("pull over").target
+    assert place is not None
+    assert place.ego_m[1] > 4
+
+
+def test_vehicles_that_stand_our_way_across_the_road_show_a_one_way_road() -> None:
+    street = Street().car("a", 22, 6.5, WHITE).car("b", 34, 6.5, BLACK)
+    answer = answer_to(street, "stop behind the white car")
+    assert answer.status == "ok"
+    assert answer.target is not None
+    assert abs(answer.target.heading_ego_rad) < 0.3
+
+
+def test_the_last_one_is_one_of_those_that_were_counted() -> None:
+    street = Street().car("r1", 12, -6.5, GREY).car("r2", 24, -6.5, BLACK).car("l", 38, 6.5, WHITE, yaw_rad=np.pi)
+    session = street.grounder().session()
+    assert "2 fit" in session.say("how many cars are parked on the right?").reasons[0]
+    answer = session.say("stop beside the last one")
+    assert answer.referent is not None
+    assert answer.referent.item.id == "r2"

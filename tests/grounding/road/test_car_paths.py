@@ -130,3 +130,12 @@ def test_the_turning_radius_of_the_rear_axle() -> None:
     assert wide.turning_radius_m > EGO.turning_radius_m
     start: FloatArray = np.zeros(2)
     assert Pose2D(*start).ahead == pytest.approx([1.0, 0.0])
+
+
+def test_a_place_just_ahead_needs_no_reversing() -> None:
+    free = np.asarray(np.abs(Y) < 3)
+    for ahead_m in (0.6, 1.4, 2.2):
+        made = route(cars_on(free), EGO.centre_m + ahead_m, 0.1)
+        assert made is not None
+        assert made.backwards_m == 0
+        assert made.length_m < ahead_m + 0.5
