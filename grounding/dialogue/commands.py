@@ -184,13 +184,11 @@ def _wait_there(talk: Conversation, reading: Reading) -> Answer | None:
 
 
 def _about_focus(talk: Conversation, query: Query) -> Query:
-    """Return a query with the vehicle spoken of: "just go past" names none, "the last one" is one of those counted."""
-    topic, said_one = talk.state.topic, query.referent
-    if (
-        topic and said_one and said_one.anaphora and find_ordinals(said_one.qualifiers)
-    ):  # "the last one" of those counted
-        among = tuple(one for one in topic.qualifiers if one not in said_one.qualifiers)
-        return replace(query, referent=replace(said_one, qualifiers=(*among, *said_one.qualifiers)))
+    """Return a query with the vehicle spoken of, where it names none, or one of those counted: "the last one"."""
+    counted, one = talk.state.topic, query.referent
+    if counted is not None and one is not None and one.anaphora and find_ordinals(one.qualifiers):
+        of_all = tuple(word for word in counted.qualifiers if word not in one.qualifiers)
+        return replace(query, referent=replace(one, qualifiers=(*of_all, *one.qualifiers)))
     named = query.referent or query.secondary or query.unresolved or query.relation != "none"
     if query.action not in _OF_VEHICLES or named or talk.antecedent is None:
         return query
