@@ -132,3 +132,12 @@ def test_the_last_one_is_one_of_those_that_were_counted() -> None:
     answer = session.say("stop beside the last one")
     assert answer.referent is not None
     assert answer.referent.item.id == "r2"
+
+
+def test_who_comes_from_behind_and_whether_a_manoeuvre_is_clear() -> None:
+    session = beside_us().car("oncoming", 25, 6.5, BLACK, yaw_rad=np.pi, speed_mps=10).grounder().session()
+    told = session.say("is there anything coming from behind on the left?").reasons
+    assert "grey car" in "; ".join(told)
+    assert "black" not in "; ".join(told)
+    assert "passes first" in session.say("is it safe to change to the left lane?").reasons[0]
+    assert "nobody" in Street().grounder().session().say("is it safe to change to the left lane?").reasons[0]

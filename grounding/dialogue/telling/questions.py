@@ -53,16 +53,13 @@ from grounding.dialogue.telling.things import (
     find_things,
     names_thing,
 )
-from grounding.dialogue.telling.traffic import tell_coming, tell_lane, tell_waiting
-from grounding.goal.conflicts import explain_conflicts, find_conflicts
+from grounding.dialogue.telling.traffic import tell_coming, tell_lane, tell_safe, tell_waiting
 from grounding.language import WordCategory
 from grounding.language.questions import Question, read_question
 from grounding.language.replies import says_no
 from grounding.referent.scene import SceneModel
 from grounding.scene_object import SceneObject
 
-# What holds of every place that is found.
-_KEPT = "the place is on the road, and clear of all vehicles that are seen"
 # Kinds that tell what is there; of a choice, each is told.
 _FOUND = ("exists", "place", "what", "which")
 # Kinds about room at a place.
@@ -271,15 +268,6 @@ def _tell_pace(talk: Conversation, text: str, question: Question) -> Answer | No
     return aside(talk, text, *told, *([f"{NOT_KNOWN}: whether it gets faster or slower"] if open_ else []))
 
 
-def _tell_safe(talk: Conversation, text: str, question: Question) -> Answer:
-    goal = talk.state.goal
-    told = [_KEPT] if goal is not None and goal.target is not None else []
-    road, way = talk.scene.road, goal.plan.way if goal is not None and goal.plan is not None else None
-    if way is not None and road is not None:
-        told += explain_conflicts(find_conflicts(way, road), talk.scene)
-    return aside(talk, text, *told, f"{NOT_KNOWN}: signs, rules of parking, and what others will do")
-
-
 def _tell_sure(talk: Conversation, text: str, question: Question) -> Answer | None:
     goal = talk.state.goal
     if goal is None:
@@ -374,7 +362,7 @@ _ANSWERS: Mapping[str, _Teller] = {
     "coming": tell_coming,
     "description": _tell_description,
     "facing": _tell_facing,
-    "safe": _tell_safe,
+    "safe": tell_safe,
     "sure": _tell_sure,
     "plan": _tell_plan,
     "exists": tell_found,

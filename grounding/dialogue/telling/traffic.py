@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,13 +11,22 @@ from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.telling.measures import approaches, describe_one, find_in_lane
 from grounding.dialogue.telling.phrases import describe_goal
-from grounding.dialogue.telling.reports import aside
+from grounding.dialogue.telling.reports import NOT_KNOWN, aside
 from grounding.dialogue.telling.things import describe_any, find_things
+from grounding.goal.conflicts import explain_conflicts
 from grounding.language.questions import Question
 from grounding.query import Referent
 from grounding.referent.resolver import MAX_CANDIDATES, find_all
+from grounding.requests import requests_of
 from grounding.road.lane_model import LANE_M
 
+# What holds of every place that is found, and of a way that nobody comes into.
+_KEPT = "the place is on the road, and clear of all vehicles that are seen"
+_CLEAR = "nobody who is seen drives into our way there, at the speeds of now"
+# What stands for a vehicle before its place.
+_NAMELESS = re.compile(r"^(?:an? |any |up )?(?=from |behind |on |ahead |in )")
+# What leads in the manoeuvre that is asked about.
+_TO = re.compile(r"^.*?\bto ")
 # Who is in the lane beside ours this far behind and ahead of us hinders us there.
 _LANE_BACK_M, _LANE_AHEAD_M, _MOST_TOLD = 30.0, 20.0, 3
 _LANES, _SIDES = ("left_lane", "right_lane"), ("left_side", "right_side")
@@ -24,7 +34,8 @@ _LANES, _SIDES = ("left_lane", "right_lane"), ("left_side", "right_side")
 
 def tell_coming(talk: Conversation, text: str, question: Question) -> Answer:
     """Tell whether anyone drives towards us, and who; all of them stay as they are in the conversation."""
-    reading = describe_any(talk, question.words)
+    where = _NAMELESS.sub("vehicle ", question.words)  # "is a car coming from behind?"
+    reading = describe_any(talk, question.words) or (describe_any(talk, where) if where != question.words else None)
     named = reading.query.referent if reading is not None else None
     here = find_all(named or Referent("vehicle", "vehicle"), talk.scene)
     told = [describe_one(one, talk.scene) for one in here if approaches(one)][:MAX_CANDIDATES]
@@ -37,6 +48,18 @@ def tell_lane(talk: Conversation, text: str, question: Question) -> Answer:
     said |= {str(token.value)[: -len("_side")] for token in talk.read(text).tokens if token.value in _SIDES}
     told = [_describe_lane(talk, side) for side in ("left", "right") if side in said or not said]
     return aside(talk, text, *told)
+
+
+def tell_safe(talk: Conversation, text: str, question: Question) -> Answer:
+    """Tell who is in the way of the manoeuvre that a question names, else of the plan in force."""
+    asked = talk.readings(_TO.sub("", question.words), talk.antecedent, alone=False)[0] if question.words else None
+    named = asked is not None and asked.query.action is not None and not asked.doubt
+    answer = talk.answer_steps(requests_of(asked)) if asked is not None and named else talk.state.goal
+    told = []
+    if answer is not None and answer.target is not None:
+        first = answer.plan.passes_first
+        told = [*([] if named else [_KEPT]), *(explain_conflicts([first], talk.scene) if first else [_CLEAR])]
+    return aside(talk, text, *told, f"{NOT_KNOWN}: signs, rules of parking, and what others will do")
 
 
 def _describe_lane(talk: Conversation, side: str) -> str:
