@@ -140,4 +140,6 @@ def test_who_comes_from_behind_and_whether_a_manoeuvre_is_clear() -> None:
     assert "grey car" in "; ".join(told)
     assert "black" not in "; ".join(told)
     assert "passes first" in session.say("is it safe to change to the left lane?").reasons[0]
-    assert "nobody" in Street().grounder().session().say("is it safe to change to the left lane?").reasons[0]
+    alone = Street().car("slow", 16, 0, WHITE, speed_mps=3).grounder().session()
+    assert "oncoming traffic" in alone.say("is it safe to change to the left lane?").reasons[0]
+    assert "nobody" in alone.say("is it safe to overtake the white car?").reasons[0]

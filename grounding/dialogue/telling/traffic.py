@@ -55,8 +55,10 @@ def tell_safe(talk: Conversation, text: str, question: Question) -> Answer:
     asked = talk.readings(_TO.sub("", question.words), talk.antecedent, alone=False)[0] if question.words else None
     named = asked is not None and asked.query.action is not None and not asked.doubt
     answer = talk.answer_steps(requests_of(asked)) if asked is not None and named else talk.state.goal
-    told = []
-    if answer is not None and answer.target is not None:
+    told: list[str] = []
+    if answer is not None and answer.target is None and named:
+        told = list(answer.reasons)
+    elif answer is not None and answer.target is not None:
         first = answer.plan.passes_first
         told = [*([] if named else [_KEPT]), *(explain_conflicts([first], talk.scene) if first else [_CLEAR])]
     return aside(talk, text, *told, f"{NOT_KNOWN}: signs, rules of parking, and what others will do")
