@@ -83,10 +83,13 @@ def _driving_elsewhere(road: RoadMap) -> Iterator[SceneObject]:
 def _meets(item: SceneObject, points: FloatArray, heading: FloatArray, run_m: FloatArray, road: RoadMap) -> bool:
     """Return whether a vehicle comes into our way at one of our speeds."""
     ahead = np.array([np.cos(item.yaw_rad), np.sin(item.yaw_rad)])
+    # Who drives our way ahead of us is not there any more when we are.
+    ours = road.start.ahead
+    leaves = ahead @ ours > _SAME_WAY and (item.centre_m - road.start.xy_m) @ ours > item.length_m
     for speed_mps in _SPEEDS_MPS:
         time_s = run_m / speed_mps
         soon = time_s < _HORIZON_S
-        for earlier_s in _EARLIER_S:
+        for earlier_s in (0.0,) if leaves else _EARLIER_S:
             moved = (item.speed_mps or 0.0) * np.maximum(time_s[soon, None] + earlier_s, 0.0) * ahead
             if (gap_m(item, road.ego, points[soon] - moved, heading[soon]) < _NEAR_M).any():
                 return True
