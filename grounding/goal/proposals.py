@@ -69,13 +69,17 @@ def propose_candidates(
     """Return the candidate sets of a command, best first, and the frame of reference in words."""
     if query.action is None:
         return None, ["this is no driving command"]
+    reasons: list[str] = []
+    if item is not None and query.manoeuvre == "back" and query.relation == "none" and _is_before_us(item, road):
+        item, reasons = None, ["we back away from it"]  # "back up, we're too close to the car in front"
     if item is None and _is_corner(query):
         corner, why = propose_corner(road)
         return corner or None, why
     if item is None and (part := landmark_of(query)):
         return propose_at_landmark(query, part, road)
     if item is None:
-        found, reasons = _propose_alone(query, road)
+        found, more = _propose_alone(query, road)
+        reasons = [*reasons, *more]
         if query.relation != "none" and found is not None:
             word = query.relation.replace("_", " ")
             reasons = [f"there is no vehicle to measure '{word}' from: the place is chosen without it", *reasons]
@@ -200,6 +204,10 @@ def is_in_our_way(item: SceneObject, road: RoadMap) -> bool:
     along, lateral = reference.lane_position
     half_width = reference.half_extent_m(reference.travel_rad + np.pi / 2)
     return bool(along >= 0 and reference.beside_ego_lane and abs(lateral) - half_width <= _IN_OUR_WAY_M)
+
+
+def _is_before_us(item: SceneObject, road: RoadMap) -> bool:
+    return float((item.centre_m - road.start.xy_m) @ road.start.ahead) > 0
 
 
 def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:

@@ -143,3 +143,27 @@ def test_who_comes_from_behind_and_whether_a_manoeuvre_is_clear() -> None:
     alone = Street().car("slow", 16, 0, WHITE, speed_mps=3).grounder().session()
     assert "oncoming traffic" in alone.say("is it safe to change to the left lane?").reasons[0]
     assert "nobody" in alone.say("is it safe to overtake the white car?").reasons[0]
+
+
+def test_a_side_said_after_a_change_of_lane_without_one_is_its_side() -> None:
+    session = (
+        Street().car("with us", -25, 3.5, GREY, speed_mps=9).car("b", 30, 3.5, GREY, speed_mps=9).grounder().session()
+    )
+    session.say("change lanes")
+    answer = session.say("left, obviously")
+    assert answer.query.direction == "left"
+    assert answer.target is not None
+    assert answer.target.ego_m[1] == pytest.approx(3.5, abs=0.8)
+
+
+def test_to_back_up_because_of_the_car_ahead_is_to_back_up() -> None:
+    answer = answer_to(Street().car("ahead", 8, 0, WHITE), "back up a little, we're too close to the car in front")
+    assert answer.status == "ok"
+    assert answer.target is not None
+    assert answer.target.ego_m[0] < 1
+
+
+def test_how_long_the_way_is() -> None:
+    session = Street().car("ahead", 30, -6, WHITE).grounder().session()
+    session.say("stop next to the white car")
+    assert "the way to the goal is" in session.say("how long is the way there?").reasons[0]

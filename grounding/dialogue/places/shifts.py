@@ -21,7 +21,7 @@ from grounding.goal.explanations import gap_beyond_m
 from grounding.goal.planner import Target
 from grounding.goal.shift import Shift
 from grounding.language.replies import Reply
-from grounding.query import Query
+from grounding.query import Direction, Query
 from grounding.referent.resolver import resolve
 from grounding.requests import Request, requests_of
 from grounding.road.lane_model import LANE_M
@@ -35,7 +35,8 @@ _OTHER_ENDS: Mapping[str, Relation] = {
     **{"past": "before", "before": "past"},
     **{"in_front_of": "behind", "behind": "in_front_of"},
 }
-# The opposite of each shift.
+# The sides of shifts across our lane, and the opposite of each shift.
+_SIDES: Mapping[str, Direction] = {"leftwards": "left", "rightwards": "right"}
 _OPPOSITE: dict[ShiftDirection, ShiftDirection] = {
     **{"away": "near", "near": "away", "ahead": "back", "back": "ahead"},
     **{"leftwards": "rightwards", "rightwards": "leftwards"},
@@ -84,7 +85,7 @@ def shift_last(talk: Conversation, text: str, shift: Shift) -> Answer:
 
 def shift_place(talk: Conversation, text: str, reply: Reply, shift: Shift) -> Answer:
     """Move the place in talk with respect to what a turn names, or to us, or else as the shift says."""
-    if moved := shift_from_named(talk, text, reply):
+    if moved := shift_from_named(talk, text, reply) or _take_lane(talk, text, shift):
         return moved
     place = place_in_talk(talk)
     if shift.direction not in ("near", "away") or place is None or not _names_us(talk, text):
@@ -95,6 +96,15 @@ def shift_place(talk: Conversation, text: str, reply: Reply, shift: Shift) -> An
     return shift_last(
         talk, text, replace(shift, direction="back" if approaches == (shift.direction == "near") else "ahead")
     )
+
+
+def _take_lane(talk: Conversation, text: str, shift: Shift) -> Answer | None:
+    """Take the side that a turn names for a change of lane in force without one; None without such a goal."""
+    last, side = talk.state.plan[-1] if talk.state.plan else None, _SIDES.get(shift.direction)
+    if last is None or side is None or last.query.action != "change_lane" or last.query.direction or last.shifts:
+        return None
+    reading = said(last.reading.with_query(replace(last.query, direction=side)), text)
+    return talk.take((*talk.state.plan[:-1], *requests_of(reading)))
 
 
 def _names_us(talk: Conversation, text: str) -> bool:
