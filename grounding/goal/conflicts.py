@@ -21,7 +21,7 @@ _SPEEDS_MPS, _HORIZON_S, _EARLIER_S = (3.0, 5.0, 8.0), 6.0, (0.0, -1.0, 1.0)
 # Gap below which we are in its way.
 _NEAR_M = 0.4
 # From this lateral offset on we leave our lane.
-_LEAVES_M = 1.2
+_LEAVES_M = 1.5
 # Who drives within this lateral offset of our lane, and our way, is ahead of us or follows us.
 _IN_LANE_M, _SAME_WAY = 1.5, 0.7
 # Points of the way are tested at this spacing.

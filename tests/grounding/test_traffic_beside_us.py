@@ -167,3 +167,13 @@ def test_how_long_the_way_is() -> None:
     session = Street().car("ahead", 30, -6, WHITE).grounder().session()
     session.say("stop next to the white car")
     assert "the way to the goal is" in session.say("how long is the way there?").reasons[0]
+
+
+@pytest.mark.parametrize("turn", ["ok he's in, carry on", "everyone is in, let's go"])
+def test_we_drive_on_when_somebody_got_in(turn: str) -> None:
+    session = Street().car("red", 14, -6, WHITE).grounder().session()
+    session.say("stop beside the white car")
+    answer = session.say(turn)
+    assert answer.query.action == "other"
+    assert answer.target is not None
+    assert answer.target.ego_m[0] > 16

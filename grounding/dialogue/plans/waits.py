@@ -78,7 +78,8 @@ def _answer_wait(talk: Conversation, text: str, last: str) -> Answer | None:
     if not steps:
         return None
     if (
-        answer := _start(talk, text, words)
+        answer := _set_off(talk, text, words)
+        or _start(talk, text, words)
         or _go_on(talk, last)
         or _hold(talk, text, words_after_opening(last, lexicon, tail=True))
     ):
@@ -272,6 +273,17 @@ def _hold(talk: Conversation, text: str, words: Words) -> Answer | None:
     if stops and not places and any(token.event == "leave" for token in reading.tokens):
         return talk.take((*kept, *steps))  # "don't set off until I say so": where the goal is
     return talk.take((*steps, *_without(kept, steps)))
+
+
+def _set_off(talk: Conversation, text: str, words: Words) -> Answer | None:
+    """Drive on from a stop at which somebody got in: "she's in, let's go"; None for other turns."""
+    plan, end = talk.state.plan, words_end("aboard", words, 0)
+    rest = tuple(word for word in words[end:] if word.isalpha())
+    if not (end and rest and plan and plan[0].query.action in STOPS):
+        return None
+    if words_end("starting", rest, 0) < len(rest) and talk.read(" ".join(rest)).query.manoeuvre != "onward":
+        return None
+    return talk.take_steps(text, plan[1:]) if plan[1:] else talk.take(requests_of(said(talk.read("carry on"), text)))
 
 
 def _start(talk: Conversation, text: str, words: Words) -> Answer | None:
