@@ -23,7 +23,8 @@ from grounding.road.lane_model import LANE_M
 # What holds of every place that is found, and of a way that nobody comes into.
 _KEPT = "the place is on the road, and clear of all vehicles that are seen"
 _CLEAR = "nobody who is seen drives into our way there, at the speeds of now"
-# What stands for a vehicle before its place.
+# Where those are who come from behind, and what stands for a vehicle before its place.
+_FROM_BEHIND = re.compile(r"\bfrom (?:behind|the back|the rear)(?: us| me)?\b")
 _NAMELESS = re.compile(r"^(?:an? |any |up )?(?=from |behind |on |ahead |in )")
 # What leads in the manoeuvre that is asked about.
 _TO = re.compile(r"^.*?\bto ")
@@ -34,8 +35,8 @@ _LANES, _SIDES = ("left_lane", "right_lane"), ("left_side", "right_side")
 
 def tell_coming(talk: Conversation, text: str, question: Question) -> Answer:
     """Tell whether anyone drives towards us, and who; all of them stay as they are in the conversation."""
-    where = _NAMELESS.sub("vehicle ", question.words)  # "is a car coming from behind?"
-    reading = describe_any(talk, question.words) or (describe_any(talk, where) if where != question.words else None)
+    words = _FROM_BEHIND.sub("behind us", question.words)
+    reading = describe_any(talk, _NAMELESS.sub("vehicle ", words)) or describe_any(talk, words)
     named = reading.query.referent if reading is not None else None
     here = find_all(named or Referent("vehicle", "vehicle"), talk.scene)
     told = [describe_one(one, talk.scene) for one in here if approaches(one)][:MAX_CANDIDATES]
