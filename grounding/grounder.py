@@ -108,6 +108,8 @@ class Grounder:
         bev: BEVMap,
         vehicles: Sequence[Track] | Boxes | None = None,
         world_from_ego: FloatArray | None = None,
+        *,
+        speed_mps: float | None = None,
     ) -> SceneModel:
         """Set the map and the vehicles on it.
 
@@ -116,12 +118,13 @@ class Grounder:
             vehicles: tracks in the world frame or boxes in the ego frame; None: objects of the map, or its vehicle
                 instances if it has none.
             world_from_ego: (4, 4) pose of the ego; None: the world frame is the ego frame. Tracks need it.
+            speed_mps: speed of the ego, forwards; None: unknown.
 
         Returns:
             The scene model.
 
         Raises:
-            AppoccError: if tracks come without a pose.
+            AppoccError: if tracks come without a pose, or the speed is no finite number.
             ShapeError: if the pose is not a rigid transform.
         """
         tracks = None if vehicles is None or isinstance(vehicles, Boxes) else vehicles
@@ -129,6 +132,8 @@ class Grounder:
             raise AppoccError(
                 "set_scene: expected world_from_ego with tracks, which are in the world frame, got none"
             )
+        if speed_mps is not None and not np.isfinite(speed_mps):
+            raise AppoccError(f"set_scene: expected a finite speed_mps, got {speed_mps}")
         pose = np.eye(4) if world_from_ego is None else world_from_ego
         bev = bev.with_guesses() if self.config.trust_unseen else bev
         if vehicles is None:
@@ -139,7 +144,9 @@ class Grounder:
             scene = scene_from_tracks(bev, vehicles, pose, ego=self._ego)
         if self._street_map is not None:
             scene = replace(scene, landmarks=Landmarks.from_map(self._street_map, pose))
-        self._scene = replace(scene, left_hand_traffic=self._left_hand_traffic, style=self.config.style)
+        self._scene = replace(
+            scene, left_hand_traffic=self._left_hand_traffic, style=self.config.style, speed_mps=speed_mps
+        )
         return self._scene
 
     def ground(self, text: str) -> Answer:

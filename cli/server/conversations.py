@@ -117,15 +117,17 @@ class Conversations:
             raise DataError("this recording has no maps yet: predict them first")
         bev = recording.bev(place)
         pose = recording.frame(place.scene, place.frame).world_from_ego
+        speed_mps = recording.speed_mps(place.scene, place.frame)
         _, vehicles = self._moments.vehicles(recording, place)
         if talk.about != about or talk.session is None:
             grounder = Grounder()
             grounder.set_street_map(recording.street_map(place.scene))
-            grounder.set_scene(bev, vehicles, pose)
+            grounder.set_left_hand_traffic(recording.left_hand_traffic(place.scene))
+            grounder.set_scene(bev, vehicles, pose, speed_mps=speed_mps)
             talk.grounder, talk.session = grounder, grounder.session()
             talk.turns, talk.goal, talk.lost = [], None, ""
         else:
-            planned = talk.session.update(bev, vehicles, pose)
+            planned = talk.session.update(bev, vehicles, pose, speed_mps=speed_mps)
             lost = planned is not None and planned.status != "ok"
             talk.goal, talk.lost = (None, planned.reasons[-1]) if planned and lost else (planned, "")
         talk.answer = None

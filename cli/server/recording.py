@@ -17,6 +17,7 @@ from appocc.nuscenes import Dataset, Sample, Scene
 from appocc.nuscenes.dataset import sample_at
 from appocc.nuscenes.maps import VectorMap, vector_map
 from cli.server.cache import BoundedCache
+from grounding.pipeline import drives_on_left, own_speed_mps
 
 # A map of 200 x 200 cells takes about half a megabyte.
 _MOST_MAPS, _MOST_FRAMES, _MOST_SCENES = 32, 64, 16
@@ -111,6 +112,16 @@ class Recording:
         """Return the vector map around a scene; None without one."""
         with self._lock:
             return self._street_maps.get(scene, lambda: vector_map(self.dataset, self.scene(scene)))
+
+    def left_hand_traffic(self, scene: int) -> bool | None:
+        """Return whether traffic drives on the left where a scene was recorded; None: unknown."""
+        with self._lock:
+            return drives_on_left(self.dataset.location(self.scene(scene)))
+
+    def speed_mps(self, scene: int, frame: int) -> float | None:
+        """Return the forward speed of the ego at a key frame; None: unknown."""
+        with self._lock:
+            return own_speed_mps(self.dataset, self.sample(scene, frame))
 
     def image_path(self, scene: int, frame: int, channel: str) -> Path:
         """Return the path of a camera image.

@@ -95,6 +95,8 @@ class Session:
         bev: BEVMap,
         vehicles: Sequence[Track] | Boxes | None = None,
         world_from_ego: FloatArray | None = None,
+        *,
+        speed_mps: float | None = None,
     ) -> Answer | None:
         """Set the scene of the next moment and plan anew; arguments as in `Grounder.set_scene`.
 
@@ -105,7 +107,8 @@ class Session:
             The answer of the plan in force: "not_found" if its referent is lost; None without a plan.
         """
         talk, before = self._talk, self._talk.grounder.scene
-        scene, state = talk.grounder.set_scene(bev, vehicles, world_from_ego), talk.state
+        scene = talk.grounder.set_scene(bev, vehicles, world_from_ego, speed_mps=speed_mps)
+        state = talk.state
         if before is None:
             return None
         if state.focus is not None:

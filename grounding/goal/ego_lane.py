@@ -15,6 +15,10 @@ from grounding.road.kerb import kerb_gap_m
 from grounding.road.lane_model import LANE_M
 from grounding.road.road_map import RoadMap
 
+# Decelerations to stop comfortably, and at most; distance of a place to stop at and of the last one, beyond that.
+_COMFORT_MPS2, _HARD_MPS2, _STOP_MORE_M = 2.0, 5.0, 17.0
+# Where the ego stops if its speed is unknown.
+_STOP_M = DistanceRange(0.0, 8.0, 25.0)
 # Greatest lateral offset in the ego lane, and standard deviation of its cost.
 _IN_LANE_M, _LATERAL_M = 1.6, 0.6
 # Tolerance of the next lane's offset; distance of a lane change and standard deviation of its cost.
@@ -31,6 +35,20 @@ _GAPS_M, _GAP_BREAK_M = DistanceRange(0.0, 0.0, 60.0), 2.0
 _JUNCTION, _CONFIDENT = 4.0, 0.75
 # Costs of the edge of a crossing road, and of another road beyond the end of the ego lane.
 _CROSSING_ROAD, _OTHER_ROAD = 6.0, 1.0
+
+
+def is_standing(road: RoadMap) -> bool:
+    """Return whether the ego certainly stands."""
+    return road.speed_mps is not None and abs(road.speed_mps) < MOVING_MPS
+
+
+def stopping_range(road: RoadMap) -> DistanceRange:
+    """Return how far ahead the ego stops at its speed: braking hard, comfortably, and at the latest."""
+    if road.speed_mps is None:
+        return _STOP_M
+    twice = max(road.speed_mps, 0.0) ** 2 / 2
+    comfort_m = twice / _COMFORT_MPS2
+    return DistanceRange(twice / _HARD_MPS2, comfort_m, comfort_m + _STOP_MORE_M)
 
 
 def propose_in_lane(road: RoadMap, ahead: DistanceRange, words: str) -> list[CandidateSet]:

@@ -33,8 +33,8 @@ _RELATION_OF = {
 }
 # Least distance to go on before the edge of the map.
 _LEAST_ON_M = 2.0
-# Distance ahead in the ego lane to stop, go on, slow down and creep, along the road edge, and backwards.
-_STOP_M, _ON_M = DistanceRange(0.0, 8.0, 25.0), DistanceRange(12.0, 20.0, 34.0)
+# Distance ahead in the ego lane to go on, slow down and creep, along the road edge, and backwards.
+_ON_M = DistanceRange(12.0, 20.0, 34.0)
 _SLOW_M, _EDGE_M = DistanceRange(3.0, 10.0, 25.0), DistanceRange(2.0, 5.0, 30.0)
 _CREEP_M, _BACK_M = DistanceRange(0.8, 2.5, 6.0), 3.0
 _SHORT_OF_M = 5.0
@@ -234,14 +234,16 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
     if action in PARKING or (action == "stop" and side) or (action == "other" and query.road_side == "opposite"):
         if query.count is not None and query.count > 1:
             return ego_lane.propose_in_gap(road, side or road.sides.kerb, query.count)
-        ahead = _distance_ahead(query, _EDGE_M)
+        ahead = _distance_ahead(query, _to_stop_at(road, _EDGE_M))
         kerb = {"gap_m": query.distance_m} if query.distance_of == "kerb" and query.distance_m is not None else {}
         found = ego_lane.propose_at_edge(road, side or road.sides.kerb, ahead, **kerb)
         return [*found, *_propose_beyond_lane_end(road, ahead)], _note_lane_end(road, ahead.preferred_m)
-    ranges = {"stop": _STOP_M, "slow_down": _SLOW_M, "avoid": _SLOW_M}
+    ranges = {"stop": ego_lane.stopping_range(road), "slow_down": _SLOW_M, "avoid": _SLOW_M}
     goes_on = query.direction == "straight" or query.manoeuvre == "onward" or query.distance_m is not None
     if action in ("turn", "other") and goes_on:
         ranges[action] = _ON_M
+    if action == "stop" and ego_lane.is_standing(road) and not goes_on:
+        return ego_lane.propose_here(road), ["we stand already"]
     if action in ranges:
         ahead = _distance_ahead(query, ranges[action])
         if goes_on and query.distance_m is None:
@@ -249,7 +251,9 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
         found = ego_lane.propose_in_lane(road, ahead, "in our lane")
         return [*found, *_propose_beyond_lane_end(road, ahead)], _note_lane_end(road, ahead.preferred_m)
     if action in ("wait", "give_way"):
-        return ego_lane.propose_here(road), []
+        if road.speed_mps is None or ego_lane.is_standing(road):
+            return ego_lane.propose_here(road), []
+        return ego_lane.propose_in_lane(road, ego_lane.stopping_range(road), "in our lane"), []
     if action == "turn":
         return None, [WHICH_WAY]
     if action == "other":
@@ -281,6 +285,14 @@ def _within_map(road: RoadMap, ahead: DistanceRange) -> DistanceRange:
     if lane.at_road_end or left_m >= ahead.preferred_m:
         return ahead
     return DistanceRange(min(ahead.least_m, left_m / 2), left_m, ahead.most_m)
+
+
+def _to_stop_at(road: RoadMap, ahead: DistanceRange) -> DistanceRange:
+    """Return a distance ahead to stop at, as far as our speed allows."""
+    if road.speed_mps is None:
+        return ahead
+    stop = ego_lane.stopping_range(road)
+    return DistanceRange(*(max(each) for each in zip(ahead, stop, strict=True)))
 
 
 def _distance_ahead(query: Query, default: DistanceRange) -> DistanceRange:

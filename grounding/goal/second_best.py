@@ -91,7 +91,8 @@ def _ask_to_stop_in_lane(query: Query, plan: GoalPlan, scene: SceneModel, road: 
     if stopped.target is None:
         return with_nearest(plan)
     ahead_m = float(road.along_m[stopped.target.cell])
-    question = f"there is no room at the edge of the road ahead: shall we stop in our lane, {ahead_m:.0f} m ahead?"
+    where = "stay where we are" if ego_lane.is_standing(road) else f"stop in our lane, {ahead_m:.0f} m ahead"
+    question = f"there is no room at the edge of the road ahead: shall we {where}?"
     return replace(plan, nearest=stopped.target, question=question)
 
 

@@ -52,6 +52,7 @@ class SceneModel:
         left_hand_traffic: whether traffic drives on the left; None: as oncoming vehicles do, else on the right.
         landmarks: crossings, stop lines and the like of a vector map.
         style: gaps that the ego keeps.
+        speed_mps: of the ego, forwards; None: unknown.
     """
 
     bev: BEVMap | None
@@ -62,6 +63,7 @@ class SceneModel:
     left_hand_traffic: bool | None = None
     landmarks: Landmarks = NO_LANDMARKS
     style: DrivingStyle = DEFAULT_STYLE
+    speed_mps: float | None = None
 
     def __post_init__(self) -> None:
         """Check the pose and keep a read-only copy of it.
@@ -95,9 +97,10 @@ class SceneModel:
         if self.bev is None:
             raise AppoccError("scene: expected a map, there are objects only")
         lane = self.road.ego_lane if start is not None and self.road is not None else None
-        return RoadMap.from_map(
+        road = RoadMap.from_map(
             self.bev, self.objects, self.ego, start, self.left_hand_traffic, self.landmarks, self.style, lane
         )
+        return road if start is not None else replace(road, speed_mps=self.speed_mps)
 
     def seen_from(self, pose: Pose2D) -> SceneModel:
         """Return the objects as they are seen from another pose of the ego, without the map and its landmarks."""

@@ -1,4 +1,4 @@
-"""Estimate the road axis of every cell from road edges, lane markings and vehicles."""
+"""Road axis of every cell, from road edges, lane markings and vehicles, and the direction of travel along it."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from appocc.checks import BoolArray, FloatArray
+from appocc.checks import BoolArray, FloatArray, IntArray
+from appocc.geometry import wrap_angle
 from appocc.grid import BEVGrid
+from grounding.road.pose import Pose2D
+from grounding.road.routing import ShortestPaths
 from grounding.scene_object import SceneObject
 
 # Widths of the two smoothing kernels. The wide one has a small weight and matters where nothing is near.
@@ -23,6 +26,12 @@ _ALONG_RAD = np.radians(30)
 _CONFIDENT = 0.3
 # Votes are smoothed on a grid this many times coarser.
 _COARSE = 3
+# Path direction is measured over this many steps. Thresholds on cosines: of path and axis, below which the path
+# crosses the axis; of path and ego heading, below minus which it drives back; of two axes of the same road.
+_STEPS = 8
+_CROSSING, _BACKWARD, _STEADY = 0.6, 0.5, 0.5
+# The direction of travel is a majority vote of paths in a neighbourhood of this size.
+_SMOOTHING_M = 2.5
 
 ComplexArray = NDArray[np.complexfloating]
 
@@ -91,3 +100,46 @@ def _smooth(grid: BEVGrid, votes: ComplexArray, weight: FloatArray) -> tuple[Com
     real, imag, all_votes = np.moveaxis(cv2.resize(total, (y, x), interpolation=cv2.INTER_LINEAR), -1, 0)
     doubled = real + 1j * imag
     return doubled, np.abs(doubled) / (all_votes + 1e-12)
+
+
+def travel_directions(paths: ShortestPaths, axis: FloatArray, start: Pose2D) -> FloatArray:
+    """Return the direction of travel (X, Y): the direction of the axis along which the shortest path arrives.
+
+    Paths that drive back from the ego are reversed: traffic arrives at the ego along them. Where a path crosses the
+    axis, as in a lane change, the direction of some steps before is kept.
+    """
+    back = paths.ancestors(_STEPS)
+    ahead = np.exp(-1j * start.heading_rad)  # in axes of the start: x is ahead
+    direction = np.angle(np.exp(1j * axis) * ahead)
+    direction[np.cos(direction) < 0] += np.pi  # cells without a path keep the ego heading
+    unit = np.exp(1j * axis.ravel()[paths.cells]) * ahead
+    xy = paths.grid.centre_of(np.stack(np.unravel_index(paths.cells, axis.shape), axis=-1))
+    xy_c = (xy @ [1, 1j]) * ahead
+    step = xy_c - xy_c[back]
+    step /= np.maximum(np.abs(step), 1e-9)
+    along, with_before = (unit * np.conj(step)).real, (unit * np.conj(unit[back])).real
+    ranks = _group_by_rank(back)
+    forward = np.ones(len(back), np.bool_)
+    sign = np.where(unit.real >= 0, 1.0, -1.0)
+    for rank, cells in enumerate(ranks[1:]):
+        onward = step[cells].real > -_BACKWARD if rank == 0 else forward[back[cells]]
+        forward[cells] = onward | (xy_c[cells].real > xy_c[ranks[0][0]].real)
+        arriving = np.sign(along[cells]) * np.where(forward[cells], 1.0, -1.0)
+        crosses = (np.abs(along[cells]) < _CROSSING) & (np.abs(with_before[cells]) > _STEADY)
+        sign[cells] = np.where(crosses, np.sign(with_before[cells]) * sign[back[cells]], arriving)
+    # A path around a vehicle drives back into the corner behind it; the neighbourhood outvotes it.
+    votes = np.zeros((*axis.shape, 2), np.float32)
+    votes.reshape(-1, 2)[paths.cells] = np.stack([unit.real * sign, unit.imag * sign], axis=-1)
+    mean = cv2.GaussianBlur(votes, (0, 0), _SMOOTHING_M / paths.grid.cell_m).reshape(-1, 2)[paths.cells]
+    agrees = mean[:, 0] * unit.real + mean[:, 1] * unit.imag >= 0
+    direction.ravel()[paths.cells] = np.angle(np.where(agrees, unit, -unit))
+    return np.asarray(wrap_angle(direction + start.heading_rad))
+
+
+def _group_by_rank(back: IntArray) -> list[IntArray]:
+    """Return the indices of cells that are none, one, two, ... leaps away from the start."""
+    rank = (back != np.arange(len(back))).astype(np.int64)
+    while (rank[back] > 0).any():
+        rank, back = rank + rank[back], back[back]
+    order = np.argsort(rank, kind="stable")
+    return np.split(order, np.cumsum(np.bincount(rank))[:-1]) if len(order) else []

@@ -22,7 +22,7 @@ from grounding.road.free_space import OFF_ROAD, TAKEN, UNKNOWN, FreeSpace, cover
 from grounding.road.junctions import find_junctions
 from grounding.road.landmarks import NO_LANDMARKS, Landmarks
 from grounding.road.lane_model import Centreline
-from grounding.road.orientation import estimate_axes
+from grounding.road.orientation import estimate_axes, travel_directions
 from grounding.road.pose import Pose2D
 from grounding.road.routing import ShortestPaths, find_shortest_paths
 from grounding.road.sides import TrafficSides
@@ -38,12 +38,6 @@ _START_MARGIN_M = 0.3
 _EDGE_CELLS = 1
 # Greatest holes in the road of a predicted map that are filled, and greatest ones that nobody has seen, cells.
 _HOLE_CELLS, _UNSEEN_CELLS = 6, 40
-# Path direction is measured over this many steps. Thresholds on cosines: of path and axis, below which the path
-# crosses the axis; of path and ego heading, below minus which it drives back; of two axes of the same road.
-_STEPS = 8
-_CROSSING, _BACKWARD, _STEADY = 0.6, 0.5, 0.5
-# The direction of travel is a majority vote of paths in a neighbourhood of this size.
-_SMOOTHING_M = 2.5
 _MAX_EDGE_M, _MAX_HALF_M, _MAX_ROAD_M = 16.0, 12.0, 24.0
 # A narrower road is driven in its middle.
 _ONE_LANE_M = 5.5
@@ -77,6 +71,7 @@ class RoadMap:
         sides: of the road, by the vehicles on it.
         landmarks: crossings, stop lines and the like, as far as a vector map is known.
         style: gaps that the ego keeps.
+        speed_mps: of the ego, forwards; None: unknown.
     """
 
     grid: BEVGrid
@@ -96,6 +91,7 @@ class RoadMap:
     sides: TrafficSides
     landmarks: Landmarks = NO_LANDMARKS
     style: DrivingStyle = DEFAULT_STYLE
+    speed_mps: float | None = None
 
     @classmethod
     def from_map(
@@ -144,7 +140,7 @@ class RoadMap:
             start=start,
             free_space=free_space,
             tracer=tracer,
-            direction_rad=_travel_directions(paths, axis, start),
+            direction_rad=travel_directions(paths, axis, start),
             axis_confidence=confidence,
             drivable=drivable,
             clearance_m=_distance_m(grid, below | (drivable & ((flags & TAKEN) == 0))),
@@ -353,46 +349,3 @@ def _start_cell(grid: BEVGrid, free: BoolArray, ego_centre_m: FloatArray) -> tup
         return None
     i, j = cells[np.argmin(far)].tolist()
     return i, j
-
-
-def _travel_directions(paths: ShortestPaths, axis: FloatArray, start: Pose2D) -> FloatArray:
-    """Return the direction of travel (X, Y): the direction of the axis along which the shortest path arrives.
-
-    Paths that drive back from the ego are reversed: traffic arrives at the ego along them. Where a path crosses the
-    axis, as in a lane change, the direction of some steps before is kept.
-    """
-    back = paths.ancestors(_STEPS)
-    ahead = np.exp(-1j * start.heading_rad)  # in axes of the start: x is ahead
-    direction = np.angle(np.exp(1j * axis) * ahead)
-    direction[np.cos(direction) < 0] += np.pi  # cells without a path keep the ego heading
-    unit = np.exp(1j * axis.ravel()[paths.cells]) * ahead
-    xy = paths.grid.centre_of(np.stack(np.unravel_index(paths.cells, axis.shape), axis=-1))
-    xy_c = (xy @ [1, 1j]) * ahead
-    step = xy_c - xy_c[back]
-    step /= np.maximum(np.abs(step), 1e-9)
-    along, with_before = (unit * np.conj(step)).real, (unit * np.conj(unit[back])).real
-    ranks = _group_by_rank(back)
-    forward = np.ones(len(back), np.bool_)
-    sign = np.where(unit.real >= 0, 1.0, -1.0)
-    for rank, cells in enumerate(ranks[1:]):
-        onward = step[cells].real > -_BACKWARD if rank == 0 else forward[back[cells]]
-        forward[cells] = onward | (xy_c[cells].real > xy_c[ranks[0][0]].real)
-        arriving = np.sign(along[cells]) * np.where(forward[cells], 1.0, -1.0)
-        crosses = (np.abs(along[cells]) < _CROSSING) & (np.abs(with_before[cells]) > _STEADY)
-        sign[cells] = np.where(crosses, np.sign(with_before[cells]) * sign[back[cells]], arriving)
-    # A path around a vehicle drives back into the corner behind it; the neighbourhood outvotes it.
-    votes = np.zeros((*axis.shape, 2), np.float32)
-    votes.reshape(-1, 2)[paths.cells] = np.stack([unit.real * sign, unit.imag * sign], axis=-1)
-    mean = cv2.GaussianBlur(votes, (0, 0), _SMOOTHING_M / paths.grid.cell_m).reshape(-1, 2)[paths.cells]
-    agrees = mean[:, 0] * unit.real + mean[:, 1] * unit.imag >= 0
-    direction.ravel()[paths.cells] = np.angle(np.where(agrees, unit, -unit))
-    return np.asarray(wrap_angle(direction + start.heading_rad))
-
-
-def _group_by_rank(back: IntArray) -> list[IntArray]:
-    """Return the indices of cells that are none, one, two, ... leaps away from the start."""
-    rank = (back != np.arange(len(back))).astype(np.int64)
-    while (rank[back] > 0).any():
-        rank, back = rank + rank[back], back[back]
-    order = np.argsort(rank, kind="stable")
-    return np.split(order, np.cumsum(np.bincount(rank))[:-1]) if len(order) else []

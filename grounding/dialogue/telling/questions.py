@@ -34,6 +34,7 @@ from grounding.dialogue.telling.reports import (
     count,
     keep,
     tell_goal,
+    tell_own_speed,
     tell_reasons,
     tell_vehicle,
     unknown,
@@ -64,6 +65,8 @@ from grounding.scene_object import SceneObject
 _FOUND = ("exists", "place", "what", "which")
 # Kinds about room at a place.
 _OF_ROOM = ("room", "gap", "tight", "spot")
+# Kinds that ask whether we move.
+_MOVES = {"moving": True, "standing": False}
 # What is too small for us where there is room, and the other way round.
 _WRONG = {"yes": "nothing: there is room", "no": "there is no room"}
 _YES_NO, _TURNED = re.compile(r"^(?:yes|no)(?=[:,]|$)"), {"yes": "no", "no": "yes"}
@@ -333,8 +336,14 @@ def _tell_open(talk: Conversation, text: str, question: Question) -> Answer:
     return keep(talk, text)
 
 
+def _tell_speed(talk: Conversation, text: str, question: Question) -> Answer:
+    asked = next((one for one in question.kinds if one in _MOVES and "description" not in question.kinds), "")
+    return tell_own_speed(talk, text, moving=_MOVES.get(asked))
+
+
 _ANSWERS: Mapping[str, _Teller] = {
     "case": _tell_case,
+    "speed": _tell_speed,
     "why": _tell_why,
     "lane": tell_lane,
     "waiting": tell_waiting,

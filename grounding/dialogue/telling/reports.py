@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 
+from appocc.motion_state import STANDING_MPS
 from grounding.answer import Answer
 from grounding.describe import describe_object
 from grounding.dialogue.conversation import Conversation
@@ -20,6 +21,8 @@ from grounding.referent.resolver import MAX_CANDIDATES, find_all, resolve
 from grounding.requests import requests_of
 from grounding.scene_object import SceneObject
 
+# Kilometres an hour in a metre a second.
+_KMH = 3.6
 # What neither the scene nor the plan tells.
 NOT_KNOWN = "that is not known here"
 # What may be asked for in "which cars do you see?"; without one of them, it is about all vehicles.
@@ -44,6 +47,20 @@ def aside(talk: Conversation, text: str, *reasons: str) -> Answer:
 def unknown(talk: Conversation, text: str, what: str) -> Answer:
     """Tell openly what neither the scene nor the plan tells."""
     return aside(talk, text, f"{NOT_KNOWN}: {what}")
+
+
+def tell_own_speed(talk: Conversation, text: str, moving: bool | None = None) -> Answer:
+    """Tell how fast we are; `moving`: whether the question is if we move, or if we stand; None: neither."""
+    scene = talk.scene
+    if scene is None or scene.speed_mps is None:
+        return unknown(talk, text, "our own speed")
+    speed = abs(scene.speed_mps)
+    moves = speed >= STANDING_MPS
+    said = "" if moving is None else "yes: " if moving == moves else "no: "
+    if not moves:
+        return aside(talk, text, f"{said}we stand")
+    how = "drive backwards" if scene.speed_mps < 0 else "drive"
+    return aside(talk, text, f"{said}we {how} at {speed:.0f} m/s, {speed * _KMH:.0f} km/h")
 
 
 def tell_goal(talk: Conversation, text: str) -> Answer:
