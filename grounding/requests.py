@@ -9,7 +9,7 @@ from itertools import pairwise
 from appocc.checks import FloatArray
 from grounding.goal.shift import HeldPose, Shift
 from grounding.language import Reading
-from grounding.query import Query
+from grounding.query import Query, Referent
 from grounding.referent.resolver import Candidate
 from grounding.referent.scene import SceneModel
 from grounding.scene_object import SceneObject
@@ -91,9 +91,13 @@ def join_drives(requests: Sequence[Request]) -> tuple[Request, ...]:
 
 def _after_drive(drive: Query, stop: Query) -> Query | None:
     """Return the query of a stop at the end of a drive that has no other end; None for other steps."""
-    anywhere = drive.relation == "none" and not (
-        drive.referent or drive.secondary or drive.trigger or drive.unresolved
-    )
+    if drive.action == "overtake" and stop.action in STOPS and stop.relation == "in_front_of":
+        return stop if _is_same(drive.referent, stop.referent) else None  # the place says that we have passed it
+    lanes_only = all(one.noun == "lane" and one.relation in ("in", "on") for one in drive.secondary)
+    anywhere = drive.relation == "none" and lanes_only and not (drive.referent or drive.trigger or drive.unresolved)
+    if anywhere and drive.secondary and drive.action == "other" and stop.relation != "none" and not stop.trigger:
+        return stop if drive.distance_m is None and drive.direction is None else None  # "stay in our lane and ..."
+    anywhere = anywhere and not drive.secondary
     onward = drive.action == "other" and drive.direction in (None, "straight") and drive.manoeuvre in (None, "onward")
     if not (anywhere and onward and stop.action in STOPS) or stop.trigger or stop.manoeuvre:
         return None
@@ -102,6 +106,13 @@ def _after_drive(drive: Query, stop: Query) -> Query | None:
     if stop.relation != "none" or stop.distance_m is not None or stop.referent or stop.secondary or stop.unresolved:
         return None
     return replace(stop, distance_m=drive.distance_m, distance_of="ego")
+
+
+def _is_same(named: Referent | None, meant: Referent | None) -> bool:
+    """Return whether two steps describe their vehicle in the same words."""
+    if named is None or meant is None:
+        return False
+    return named == replace(meant, head=named.head, anaphora=named.anaphora)
 
 
 def after_turns(requests: Sequence[Request]) -> Sequence[Request]:
@@ -124,8 +135,7 @@ def after_passing(requests: Sequence[Request]) -> Sequence[Request]:
     for i, (step, following) in enumerate(pairwise(requests), start=1):
         query, passed = following.query, step.query
         passes = passed.action in PASSING_ACTIONS and query.relation == "past" and query.action in STOPS
-        named, meant = passed.referent, query.referent
-        if passes and named and meant and named == replace(meant, head=named.head, anaphora=named.anaphora):
+        if passes and _is_same(passed.referent, query.referent):
             query = replace(query, relation="none", landmark=None, referent=None)
             placed[i] = replace(following, reading=following.reading.with_query(query), chosen=None)
     return placed

@@ -18,6 +18,7 @@ from grounding.language.questions import Question
 from grounding.language.reader.network import Prediction
 from grounding.language.reader.turns import State
 from grounding.query import Query, Referent
+from grounding.referent.ordinals import is_plural
 from grounding.referent.resolver import Candidate, find_all
 from grounding.referent.scene import SceneModel
 from grounding.requests import Request, join_drives, requests_of
@@ -84,7 +85,8 @@ class Conversation:
         if state.question is not None and (asked := state.question.query.referent or state.question.query.sought):
             return asked
         if state.focus is not None and state.topic is None:
-            return state.focus[1]
+            named = state.focus[1]
+            return replace(named, head=named.noun) if is_plural(named.head) else named  # "it" is one of "the cars"
         if state.request is None or state.topic is not None:
             return state.topic
         excluded = [Referent(one.noun, one.noun, one.colour) for one in state.request.query.excluded]

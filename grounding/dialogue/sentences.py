@@ -366,7 +366,8 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
     reading = talk.read(reply.rest)
     if "without" in reply.kinds and reading.query.action is None:
         reading = talk.read(reply.rest.removeprefix("the "))  # "skip the stop"
-    if ("without" in reply.kinds or ("cancel" in reply.kinds and not has_verb(reading))) and reading.query.action:
+    given_up = "cancel" in reply.kinds and not has_verb(reading) and reading.query.relation == "none"
+    if ("without" in reply.kinds or given_up) and reading.query.action:
         return drop_steps(talk, text, reading.query.action)
     turns = "yes" in reply.kinds and reading.query.direction == "around"
     if turns and state.question and state.question.plan.question:

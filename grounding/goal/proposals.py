@@ -169,7 +169,8 @@ def _propose_with(query: Query, road: RoadMap, item: SceneObject, partner: Scene
     if query.direction == "around":
         along_m = ReferenceVehicle(item, road, 0.0).lane_position[0]
         beyond_m = along_m + item.length_m / 2 + _TURN_BEYOND_M
-        ahead_m = _TURN_M if relation == "none" else beyond_m if relation == "past" else max(along_m, _TURN_M)
+        level_m = along_m if along_m < 0 else max(along_m, _TURN_M)  # back to one behind us
+        ahead_m = beyond_m if relation == "past" else _TURN_M if relation == "none" and along_m > 0 else level_m
         return ego_lane.propose_turned_around(road, ahead_m), []
     if relation == "none":
         if action in ("wait", "give_way", "turn") or (action == "other" and query.direction):
@@ -193,9 +194,12 @@ def _propose_short_of(query: Query, road: RoadMap, item: SceneObject) -> Proposa
     if along < 0 or (query.action != "stop" and not is_in_our_way(item, road)):
         return ego_lane.propose_in_lane(road, _SLOW_M, "in our lane"), ["it is not in our way"]
     most = along - half_length - road.ego.length_m / 2 - 1.0
-    preferred = max(most - short_m + 1.0, 0.0)
-    words = f"in our lane, {short_m:.0f} m short of it"
-    return ego_lane.propose_in_lane(road, DistanceRange(min(0.0, most), preferred, max(most, 0.4)), words), []
+    preferred = most - short_m + 1.0
+    words = f"in our lane, {short_m:.0f} m short of it" if preferred > 0 else "in our lane"
+    nearer = [] if preferred > 0 else [f"we are less than {short_m:.0f} m short of it already"]
+    return ego_lane.propose_in_lane(
+        road, DistanceRange(min(0.0, most), max(preferred, 0.0), max(most, 0.4)), words
+    ), nearer
 
 
 def is_in_our_way(item: SceneObject, road: RoadMap) -> bool:

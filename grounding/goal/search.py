@@ -32,8 +32,8 @@ _WORDS = {
 }
 # Runners-up may cost this much more than the best candidate.
 _MAX_EXTRA_COST = 6.0
-# To explain a failure: candidates checked per set, and the extra cost of more than one violation.
-_MAX_CHECKED, _SEVERAL = 1500, 50.0
+# To explain a failure: candidates checked per set, and the extra costs of more than one violation and off the road.
+_MAX_CHECKED, _SEVERAL, _BESIDE_ROAD = 1500, 50.0, 20.0
 # Goals that no car reaches: this many are tried, each this far from the others or turned by this angle.
 _MOST_TRIED, _SAME_PLACE_M, _SAME_HEADING_RAD = 16, 0.7, 0.2
 # Backing up by more than the first costs the second.
@@ -190,7 +190,8 @@ class CandidateSearch:
     def explain_failure(self) -> tuple[GoalCandidate | None, int, list[str]]:
         """Return the best invalid candidate and its violation, in words too; None if no candidate is on the map.
 
-        Candidates with one violation come before those with several.
+        Candidates with one violation come before those with several, and those on the road before others: the kerb
+        side of a vehicle at the kerb is no place that anybody thinks of.
         """
         best: tuple[float, GoalCandidate, int] | None = None
         for each in self.candidate_sets:
@@ -199,7 +200,7 @@ class CandidateSearch:
             # Other violations imply that the cell is unreachable, which is reported only on its own.
             flags = np.where(flags & ~UNREACHABLE, flags & ~UNREACHABLE, flags)
             several = np.array([flag.bit_count() for flag in flags.tolist()]) > 1
-            price = each.cost[few] + _SEVERAL * several
+            price = each.cost[few] + _SEVERAL * several + _BESIDE_ROAD * ((flags & OFF_ROAD) > 0)
             one = int(np.argmin(price))
             if best is None or price[one] < best[0]:
                 best = float(price[one]), GoalCandidate(each, int(few[one])), int(flags[one])

@@ -19,7 +19,14 @@ from grounding.language.semantics.accounting import Account, account_for
 from grounding.language.semantics.contrasts.rules import has_partial_repair, resolve_contrasts
 from grounding.language.semantics.discourse.interpreter import interpret
 from grounding.language.semantics.query_builder import BuiltQuery, build_query
-from grounding.language.side_clauses import Split, asks_for_place, said_whole, split_reasons, split_warning
+from grounding.language.side_clauses import (
+    Split,
+    asks_for_place,
+    said_whole,
+    split_purpose,
+    split_reasons,
+    split_warning,
+)
 from grounding.language.syntax.clauses import split_clauses
 from grounding.language.syntax.fragments import complete_fragment, complete_last_sentence, drop_opinion, split_run_ons
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon
@@ -91,6 +98,8 @@ def parse_all(
         if asks_for_place(rest[0].query):
             heeded = f"'{warning.beside}' is heeded on the way, and tells no place"
             return tuple(replace(one, notes=(*one.notes, heeded)) for one in rest)
+    if (purpose := split_purpose(normalised, tagged)) is not None and (rest := read_without(purpose))[0].is_plain:
+        return tuple(replace(one, dropped=(*one.dropped, purpose.beside)) for one in rest)
     if cases := _read_condition(text, split_condition(normalised, tagged), words, antecedent, revised):
         return cases
     if wishes := _read_alternatives(text, split_alternatives(normalised, tagged), words, antecedent, revised):

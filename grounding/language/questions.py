@@ -71,6 +71,12 @@ _WHICH = (("which", "is"), ("which", "was"))
 _ARE = re.compile(r"(?<=\w)'re\b|(?<=\byou)re\b|(?<=\bthey)re\b")
 # "How far's the van?"
 _HOW_IS = re.compile(r"\b(how \w+)'s\b")
+# A thing that is named before the question about it: "what about the yellow one, is it parked?"
+_TOPIC = re.compile(
+    r"^((?:and |but |so |ok(?:ay)?,? |well,? )*)(?:(?:what|how) about )?((?:the|that|this|those) [^,.;!?]{2,60}?),? "
+    r"((?:how \w+ (?:away )?|where |what colou?r |which way )?(?:is|are|was|were|does|do|did|can|will))"
+    r" (?:it|he|she|they)\b"
+)
 _US = frozenset(("we", "us", "you", "u", "i", "our", "your"))
 _MARKS = ".;!?,"
 # Kinds that are told of each of several things, how a question begins that only gives a choice, and most words of a
@@ -147,7 +153,7 @@ def read_question(text: str, lexicon: Lexicon | None = None) -> Question | None:
     if len(text) > MAX_CHARACTERS or as_condition(normalise(text)):
         return None
     lexicon = lexicon or default_lexicon()
-    full = _HOW_IS.sub(r"\1 is", _ARE.sub(" are", normalise(text)))
+    full = _TOPIC.sub(r"\1\3 \2", _HOW_IS.sub(r"\1 is", _ARE.sub(" are", normalise(text))))
     written = tuple(respelled(WORD.findall(full), lexicon))
     words = tuple(word.replace("'", "") for word in written)
     start, comma = _start(words), _comma_before_options(words)

@@ -38,6 +38,8 @@ _TELLING = (
     | {WordCategory.VERB, WordCategory.MEANWHILE, WordCategory.WHERE, WordCategory.HERE, WordCategory.THERE}
     | {WordCategory.RELATION, WordCategory.ONE, WordCategory.STATE, WordCategory.QUESTION}
 )
+# First words of what is not to happen, where it is no command.
+_WHO = frozenset(("i", "we", "you", "it", "he", "she", "they", "nobody", "noone", "none"))
 # A noun for vehicles of any class.
 _ANY_VEHICLE = ("vehicle", WordCategory.NOUN)
 
@@ -63,6 +65,13 @@ def split_warning(text: str, tokens: Sequence[Token]) -> Split | None:
     if at is None or not moves or any(token.category in _REFERRING for token in others):
         return None
     return _split(text, clauses, at)
+
+
+def split_purpose(text: str, tokens: Sequence[Token]) -> Split | None:
+    """Return a text without what is not to happen: "..., so we don't block it"; arguments as in `split_warning`."""
+    clauses = split_clauses(tokens)
+    at = next((i for i, one in enumerate(clauses) if i and one.connective == "so" and _begins_purpose(one)), None)
+    return None if at is None else _split(text, clauses, at)
 
 
 def split_reasons(text: str, tokens: Sequence[Token]) -> Iterator[Split]:
@@ -121,6 +130,15 @@ def _is_reason(clause: Clause) -> bool:
     named = first.category in (*DETERMINERS, WordCategory.THAT)  # "the florist" is no statement
     states = any(token.category in _PREDICATES for token in (first, *rest))
     return first.category in _SUBJECTS and states and len(rest) > named
+
+
+def _begins_purpose(clause: Clause) -> bool:
+    """Return whether a clause after "so" has a subject before its negation, and so is no command."""
+    first, *rest = clause.tokens
+    subject = first.category in (WordCategory.PRONOUN, WordCategory.EGO) or first.text.split()[0] in _WHO
+    negated = any(one.category is WordCategory.NOT for one in (first, *rest[:1]))
+    named = any(one.category is WordCategory.NOUN for one in rest)  # "so that we do not hit the car in front"
+    return bool(rest) and subject and negated and not named
 
 
 def _split(text: str, clauses: Sequence[Clause], at: int) -> Split:

@@ -79,7 +79,7 @@ def lead_side(referent: Referent) -> int:
 
 def is_plural(head: str) -> bool:
     """Return whether a noun names several."""
-    return head.endswith("s") and not head.endswith(("ss", "bus"))
+    return head.endswith("people") or (head.endswith("s") and not head.endswith(("ss", "bus")))
 
 
 def lead_probability(side: int, table: ObjectTable, membership: FloatArray) -> FloatArray:

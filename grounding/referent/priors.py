@@ -8,7 +8,7 @@ from appocc.checks import BoolArray, FloatArray
 from grounding.query import Query, Referent
 from grounding.referent.fuzzy import gaussian, rising
 from grounding.referent.object_table import ObjectTable
-from grounding.referent.ordinals import find_ordinals
+from grounding.referent.ordinals import find_ordinals, is_plural
 from grounding.referent.predicates import in_own_lane, is_ahead, is_facing_ego, is_standing
 from grounding.vocabulary import PERSON_NOUNS
 
@@ -33,6 +33,8 @@ _YIELDING = ("give_way", "wait")
 # The same where the motion of a vehicle all but decides, and plausibility of following a parked one.
 _LEAST_PLAUSIBILITIES: dict[str | None, float] = {"follow": 0.05, "park": 0.15, "pull_over": 0.15, "wait": 0.15}
 _PARKED_FOLLOWED = 0.05
+# The same of one that is to pass us.
+_LEAST_PASSING = 0.05
 # Relations to vehicles that stand in line with the place, and plausibility of one on the other side than the place.
 _ALONG_SIDE, _OTHER_SIDE = ("behind", "in_front_of", "before", "past", "between"), 0.1
 # How much less plausible a vehicle that faces us, across the road, is to stop at.
@@ -41,6 +43,8 @@ _ACROSS = 0.3
 _NOT_LEADING = 0.15
 # A vehicle that drives our way this far ahead does not pass us any more.
 _AWAY_M = 8.0
+# Those who are meant together are this near to each other; salience of one alone where several are meant.
+GROUP_M, _ALONE = 6.0, 0.2
 # Prediction times for crossing the ego path, and the speed of people who stand.
 _PREDICTION_TIMES_S, _WALKING_MPS = (0.0, 2.0, 4.0), 1.2
 
@@ -62,7 +66,7 @@ def counting_prior(referent: Referent, table: ObjectTable) -> FloatArray:
 
 def log_salience(query: Query, referent: Referent, table: ObjectTable) -> FloatArray:
     """Return the log salience (N,): visible objects near the ego, near its path and in front of it are preferred."""
-    behind = includes_behind(referent) or query.manoeuvre == "back"
+    behind = includes_behind(referent) or query.manoeuvre == "back" or _awaits_passing(query)
     distance = np.abs(table.along_m) if behind else np.maximum(table.along_m, 0)
     in_queue = _OCCLUDED_IN_QUEUE * np.ones(len(table))
     if {"ahead", "own_lane"} & {*referent.qualifiers} or query.action in ("follow", "overtake"):
@@ -80,9 +84,18 @@ def log_salience(query: Query, referent: Referent, table: ObjectTable) -> FloatA
         x, y = table.xy_m.T
         in_view = rising(x + 2 - np.abs(y), 0.0, 1.5)
         result = result + np.log(_OUT_OF_VIEW + (1 - _OUT_OF_VIEW) * in_view)
+    if referent.noun in PERSON_NOUNS and is_plural(referent.head):
+        result = result + np.where(_stands_alone(table), np.log(_ALONE), 0.0)
     if not referent.definite:
         result = result - table.distance_m / _INDEFINITE_SCALE_M
     return result
+
+
+def _stands_alone(table: ObjectTable) -> BoolArray:
+    """Return whether objects (N,) have nobody of their kind beside them."""
+    apart_m = np.linalg.norm(table.xy_m[:, None] - table.xy_m, axis=-1)
+    others = (table.is_vehicle[:, None] == table.is_vehicle) & ~np.eye(len(table), dtype=np.bool_)
+    return np.asarray(~((apart_m < GROUP_M) & others).any(axis=1))
 
 
 def is_behind(table: ObjectTable) -> BoolArray:
@@ -126,10 +139,12 @@ def log_action_prior(query: Query, table: ObjectTable) -> FloatArray:
         fit = 0.4 + 0.6 * leads
     elif query.action == "change_lane":
         fit = 1 - 0.8 * is_facing_ego(table)
-    elif query.action == "wait" and query.trigger == "pass" and _is_of_vehicles(query):
-        # Who drives away ahead of us has passed.
+    elif _awaits_passing(query):
+        # Who drives away ahead of us has passed, who drives behind us in our lane stays there, and who comes towards
+        # us is in our way only where the road is narrow.
+        stays = in_own_lane(table) * (table.along_m < 0)
         away = (table.along_m > _AWAY_M) * (1 - is_facing_ego(table)) * (np.cos(table.relative_heading_rad) > 0)
-        fit = (1 - 0.85 * standing) * (1 - 0.7 * away)
+        fit = (1 - standing) * (1 - 0.7 * away) * (1 - 0.3 * is_facing_ego(table)) * (1 - 0.7 * stays)
     elif query.action in _YIELDING and query.trigger in ("clear", "turn") and _is_of_vehicles(query):
         fit = (1 - 0.85 * standing) * (0.4 + 0.6 * in_own_lane(table))
     elif query.action in _YIELDING and query.trigger not in ("leave", "stop"):
@@ -153,7 +168,13 @@ def log_action_prior(query: Query, table: ObjectTable) -> FloatArray:
     if query.trigger == "stop" or (query.trigger in ("pass", "turn", "merge") and query.action not in _YIELDING):
         fit = fit * (1 - 0.85 * standing)
     least = _LEAST_PLAUSIBILITIES.get(query.action, _LEAST_PLAUSIBILITY)
+    least = _LEAST_PASSING if _awaits_passing(query) else least
     return np.asarray(np.log(least + (1 - least) * fit))
+
+
+def _awaits_passing(query: Query) -> bool:
+    """Return whether we wait for a vehicle that passes us."""
+    return query.action in _YIELDING and query.trigger == "pass" and _is_of_vehicles(query)
 
 
 def _is_of_vehicles(query: Query) -> bool:

@@ -15,7 +15,7 @@ from grounding.referent.doubts import fits_badly, lacks_class, question_about
 from grounding.referent.fuzzy import gaussian
 from grounding.referent.ordinals import find_ordinals
 from grounding.referent.predicates import to_referent
-from grounding.referent.rows import end_of_row, names_queue
+from grounding.referent.rows import end_of_row, is_group, names_queue
 from grounding.referent.scene import SceneModel
 from grounding.referent.scoring import ReferentScores, note_unmapped, score_objects
 from grounding.referent.sought import by_vehicle, with_sought_referent
@@ -128,7 +128,7 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
         for one in choices
         if one.score > least_score and fit[one.row] >= least_fit and (not is_named or _is_named(referent, one, scene))
     ]
-    if len(tied) > 1 and referent.definite:
+    if len(tied) > 1 and referent.definite and not is_group(referent, [one.row for one in tied], scene):
         listed = _candidates(_without_chains(tied)[:limit], scene, scores)
         asked = _ambiguous(referent, listed, len(tied), scene, scores)
         absent = all(lacks_class(referent, one.row, _fits_of(one, scores), scene) for one in tied)

@@ -1,4 +1,4 @@
-"""Rows of vehicles: which vehicle of a row or a queue a place is measured from."""
+"""Rows and groups: which vehicle of a row or a queue a place is measured from, and who stands together."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from grounding.query import Query, Referent
 from grounding.referent.ordinals import find_ordinals, is_plural
+from grounding.referent.priors import GROUP_M
 from grounding.referent.scene import SceneModel
 from grounding.road.lane_model import LANE_M
 from grounding.vocabulary import PASSING_ACTIONS
@@ -23,6 +24,14 @@ _GAP_M, _ASIDE_M = 15.0, 2.0
 def names_queue(referent: Referent) -> bool:
     """Return whether a referent is a queue as a whole, not one vehicle."""
     return bool({*referent.head.split()} & {*_QUEUES})
+
+
+def is_group(referent: Referent, rows: Sequence[int], scene: SceneModel) -> bool:
+    """Return whether several objects, by their rows of the object table, are those that are meant together."""
+    if not is_plural(referent.head) or referent.number != 1 or find_ordinals(referent.qualifiers):
+        return False
+    xy_m = scene.table.xy_m[list(rows)]
+    return bool(np.linalg.norm(xy_m - xy_m[0], axis=1).max() < GROUP_M)
 
 
 def end_of_row(query: Query, referent: Referent, rows: Sequence[int], scene: SceneModel) -> tuple[int, int] | None:

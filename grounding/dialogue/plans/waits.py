@@ -10,7 +10,7 @@ import numpy as np
 
 from grounding.answer import Answer
 from grounding.dialogue.choices import confirm
-from grounding.dialogue.clauses import Words
+from grounding.dialogue.clauses import MARKS, Words
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import has_verb, is_understood, refers_to_place
 from grounding.dialogue.memory import Memory
@@ -78,7 +78,7 @@ def _answer_wait(talk: Conversation, text: str, last: str) -> Answer | None:
     if not steps:
         return None
     if (
-        answer := _set_off(talk, text, words)
+        answer := _set_off(talk, text)
         or _start(talk, text, words)
         or _go_on(talk, last)
         or _hold(talk, text, words_after_opening(last, lexicon, tail=True))
@@ -275,8 +275,9 @@ def _hold(talk: Conversation, text: str, words: Words) -> Answer | None:
     return talk.take((*steps, *_without(kept, steps)))
 
 
-def _set_off(talk: Conversation, text: str, words: Words) -> Answer | None:
-    """Drive on from a stop at which somebody got in: "she's in, let's go"; None for other turns."""
+def _set_off(talk: Conversation, text: str) -> Answer | None:
+    """Drive on from a stop that has served its purpose: "she's in, let's go"; None for other turns."""
+    words = tuple(word for word in words_after_opening(text, talk.grounder.lexicon) if word not in MARKS)
     plan, end = talk.state.plan, words_end("aboard", words, 0)
     rest = tuple(word for word in words[end:] if word.isalpha())
     if not (end and rest and plan and plan[0].query.action in STOPS):

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 
 from appocc.checks import FloatArray
+from appocc.geometry import footprints
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.telling.measures import describe_one
@@ -21,6 +23,7 @@ from grounding.scene_object import SceneObject
 # What lies between two things is at most this far beside the line between them.
 _BESIDE_M, _IN_ROW_M = 3.5, 1.5
 # Words that part two things: "the van and the bus", "from the van to the bus".
+_BETWEEN_US = re.compile(r"\bbetween (?:us|me|you|here)\b(?: and\b)?")
 _PARTING = ("and", "from", "to")
 
 
@@ -73,6 +76,20 @@ def describe_apart(one: SceneObject, other: SceneObject, scene: SceneModel) -> s
     """Tell how far the outlines of two things are apart."""
     between_m = _gap_m(one.footprint(), other.footprint())
     return f"{between_m:.1f} m from {describe_one(one, scene)} to {describe_one(other, scene)}"
+
+
+def tell_gap_to_us(talk: Conversation, text: str, question: Question) -> Answer | None:
+    """Tell the gap between us, where we are now, and the vehicle that is named or in talk; None for other words."""
+    if not _BETWEEN_US.search(text.lower()):
+        return None
+    things = find_things(talk, replace(question, words=_BETWEEN_US.sub("", question.words).strip(), of_us=False))
+    talk.list_items(things.items)
+    ego = talk.scene.ego
+    ours_m = footprints([ego.centre_m, 0.0], 0.0, [ego.length_m, ego.width_m])
+    told = [
+        f"{_gap_m(ours_m, one.footprint()):.1f} m from us to {describe_one(one, talk.scene)}" for one in things.items
+    ]
+    return aside(talk, text, *(told or things.reasons)) if told or things.reasons else None
 
 
 def _find_ends(talk: Conversation, question: Question) -> tuple[list[SceneObject], tuple[str, ...]]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+from appocc.motion_state import MOVING_MPS
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import find_fitting
-from grounding.dialogue.telling.measures import describe_one, describe_size
+from grounding.dialogue.telling.measures import describe_one, describe_size, describe_speed
 from grounding.dialogue.telling.reports import aside, unknown
 from grounding.dialogue.telling.things import Things, describe_thing, find_things, find_told
 from grounding.language import WordCategory
@@ -17,6 +19,8 @@ from grounding.query import Referent
 from grounding.referent.resolver import Candidate
 from grounding.scene_object import SceneObject
 
+_THAN_US = re.compile(r"\b(faster|slower|quicker) than (?:us|we|me|i|you|our)\b")
+_NO_THING = ("than", "us", "me", "moving", "going", "driving", "travelling")
 # Things whose measures differ by a smaller share are about the same.
 _ALIKE = 0.03
 
@@ -64,6 +68,25 @@ def tell_compared(talk: Conversation, text: str, question: Question) -> Answer |
     tell = describe_size if word in _SIZES else describe_one
     lead = "about the same: " if alike else f"{question.comparative} is "
     return aside(talk, text, f"{yes}{lead}{tell(told[0], talk.scene)}", *(tell(one, talk.scene) for one in told[1:]))
+
+
+def tell_against_us(talk: Conversation, text: str, question: Question) -> Answer | None:
+    """Tell whether a thing is faster or slower than we are; None for other comparisons."""
+    compared = _THAN_US.search(text.lower())
+    if compared is None:
+        return None
+    words = " ".join(one for one in question.words.split() if one not in _NO_THING)
+    things = find_things(talk, replace(question, words=words, of_us=False))
+    if not things.found:
+        return aside(talk, text, *things.reasons) if things.reasons else unknown(talk, text, "which vehicle is meant")
+    item, ours = things.items[0], talk.scene.speed_mps
+    told = describe_one(item, talk.scene)
+    if ours is None or item.speed_mps is None:
+        return unknown(talk, text, f"{'our own speed' if ours is None else 'its speed'}; {told}")
+    faster_m = item.speed_mps - abs(ours)
+    alike = abs(faster_m) < MOVING_MPS
+    yes = not alike and (faster_m > 0) == (compared[1] != "slower")
+    return aside(talk, text, f"{'yes' if yes else 'no'}: {told}, and we {describe_speed(ours)}")
 
 
 def _measure(talk: Conversation, word: str, item: SceneObject) -> float | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from appocc.geometry import wrap_angle
-from appocc.motion_state import MOVING_MPS
+from appocc.motion_state import MOVING_MPS, STANDING_MPS
 from appocc.polylines import length_m
 from grounding.answer import Answer
 from grounding.describe import describe_object
@@ -21,6 +21,8 @@ _AHEAD_M, _GAP_M = 40.0, 20.0
 _ALONG_RAD = np.radians(45)
 # Least acceleration that is told.
 _STEADY_MPS2 = 0.5
+# Kilometres an hour in a metre a second.
+_KMH = 3.6
 # Speed of a way through a street, for a rough time.
 _STREET_MPS = 4.0
 
@@ -36,6 +38,14 @@ def describe_size(item: SceneObject, scene: SceneModel) -> str:
     height = "" if item.height_m is None else f", {item.height_m:.1f} m high"
     size = f"{item.length_m:.1f} m long, {item.width_m:.1f} m wide{height}"
     return f"{describe_one(item, scene)}: {size}"
+
+
+def describe_speed(ours_mps: float) -> str:
+    """Tell our own speed, forwards or backwards, after "we"."""
+    if abs(ours_mps) < STANDING_MPS:
+        return "stand"
+    how = "drive backwards" if ours_mps < 0 else "drive"
+    return f"{how} at {abs(ours_mps):.0f} m/s, {abs(ours_mps) * _KMH:.0f} km/h"
 
 
 def describe_change(item: SceneObject) -> str:

@@ -10,8 +10,8 @@ from functools import partial
 from appocc.motion_state import MOVING_MPS
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.telling.between import split_two, tell_apart, tell_between
-from grounding.dialogue.telling.comparing import tell_compared
+from grounding.dialogue.telling.between import split_two, tell_apart, tell_between, tell_gap_to_us
+from grounding.dialogue.telling.comparing import tell_against_us, tell_compared
 from grounding.dialogue.telling.follow_ups import follow_up
 from grounding.dialogue.telling.found import BEFORE, tell_found
 from grounding.dialogue.telling.landmarks import tell_landmarks
@@ -65,8 +65,8 @@ from grounding.scene_object import SceneObject
 _FOUND = ("exists", "place", "what", "which")
 # Kinds about room at a place.
 _OF_ROOM = ("room", "gap", "tight", "spot")
-# Kinds that ask whether we move.
-_MOVES = {"moving": True, "standing": False}
+# Kinds of a question that only asks whether we move: "are we still standing?"
+_OF_OUR_MOTION = {"moving", "standing", "us", "slow"}
 # What is too small for us where there is room, and the other way round.
 _WRONG = {"yes": "nothing: there is room", "no": "there is no room"}
 _YES_NO, _TURNED = re.compile(r"^(?:yes|no)(?=[:,]|$)"), {"yes": "no", "no": "yes"}
@@ -105,6 +105,8 @@ def _answer(talk: Conversation, text: str, question: Question) -> Answer | None:
         return told
     if question.limit:
         return unknown(talk, text, question.limit)
+    if told := tell_against_us(talk, text, question):
+        return told
     if question.comparative:
         return tell_compared(talk, text, question)
     if question.options and question.kind in _FOUND and not names_thing(talk, question.words):
@@ -189,7 +191,9 @@ def _tell_motion(talk: Conversation, text: str, question: Question, moving: bool
         return _tell_facing(talk, text, question)  # "where is it going?"
     things = find_things(talk, question)
     if not things.found and not things.reasons:
-        return tell_waiting(talk, text, question)
+        bare = question.of_us and not question.words and {*question.kinds} <= _OF_OUR_MOTION
+        known = talk.scene.speed_mps is not None
+        return tell_own_speed(talk, text, moving=moving) if bare and known else tell_waiting(talk, text, question)
     if len(things.found) != 1:
         return _tell_description(talk, text, question)
     (item,) = things.items
@@ -250,6 +254,8 @@ def _tell_gap(talk: Conversation, text: str, question: Question) -> Answer | Non
         return tell_sides(talk, text, question)
     if "upto" in question.kinds and question.words and not of_place:
         return tell_at_place(talk, text, question) or _tell_distance(talk, text, question)
+    if told := tell_gap_to_us(talk, text, question):
+        return told
     if told := tell_gap_between(talk, text, question.words):
         return told  # "how big is the gap between the van and the bus?"
     if names_thing(talk, question.words) and not of_place:
@@ -337,8 +343,7 @@ def _tell_open(talk: Conversation, text: str, question: Question) -> Answer:
 
 
 def _tell_speed(talk: Conversation, text: str, question: Question) -> Answer:
-    asked = next((one for one in question.kinds if one in _MOVES and "description" not in question.kinds), "")
-    return tell_own_speed(talk, text, moving=_MOVES.get(asked))
+    return tell_own_speed(talk, text)
 
 
 _ANSWERS: Mapping[str, _Teller] = {

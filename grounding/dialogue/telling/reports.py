@@ -12,6 +12,7 @@ from grounding.describe import describe_object
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import any_of, find_fitting, reading_of
 from grounding.dialogue.fragments import only_named, read_description
+from grounding.dialogue.telling.measures import describe_speed
 from grounding.dialogue.telling.phrases import ask, describe_goal, said
 from grounding.language import Reading
 from grounding.language.problems import ANSWERABLE
@@ -21,8 +22,6 @@ from grounding.referent.resolver import MAX_CANDIDATES, find_all, resolve
 from grounding.requests import requests_of
 from grounding.scene_object import SceneObject
 
-# Kilometres an hour in a metre a second.
-_KMH = 3.6
 # What neither the scene nor the plan tells.
 NOT_KNOWN = "that is not known here"
 # What may be asked for in "which cars do you see?"; without one of them, it is about all vehicles.
@@ -54,13 +53,9 @@ def tell_own_speed(talk: Conversation, text: str, moving: bool | None = None) ->
     scene = talk.scene
     if scene is None or scene.speed_mps is None:
         return unknown(talk, text, "our own speed")
-    speed = abs(scene.speed_mps)
-    moves = speed >= STANDING_MPS
+    moves = abs(scene.speed_mps) >= STANDING_MPS
     said = "" if moving is None else "yes: " if moving == moves else "no: "
-    if not moves:
-        return aside(talk, text, f"{said}we stand")
-    how = "drive backwards" if scene.speed_mps < 0 else "drive"
-    return aside(talk, text, f"{said}we {how} at {speed:.0f} m/s, {speed * _KMH:.0f} km/h")
+    return aside(talk, text, f"{said}we {describe_speed(scene.speed_mps)}")
 
 
 def tell_goal(talk: Conversation, text: str) -> Answer:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from appocc.checks import FloatArray
@@ -84,7 +86,8 @@ def tell_sides(talk: Conversation, text: str, question: Question) -> Answer | No
     place = place_of(talk)
     if place is None:
         return unknown(talk, text, _NO_GOAL)
-    gaps = {side: _find_beside(place, talk.scene, sign) for side, sign in _SIDES.items()}
+    named = [side for side in _SIDES if re.search(rf"\b{side}\b", text.lower())]
+    gaps = {side: _find_beside(place, talk.scene, _SIDES[side]) for side in (named if len(named) == 1 else _SIDES)}
     told = [
         f"on our {side}: {f'{gap_m:.1f} m to {describe_one(item, talk.scene)}' if item else 'no vehicle near'}"
         for side, (item, gap_m) in gaps.items()

@@ -12,7 +12,7 @@ from grounding.dialogue.telling.measures import describe_one
 from grounding.language import Reading, WordCategory
 from grounding.language.questions import Question
 from grounding.query import Query, Referent
-from grounding.referent.resolver import Candidate, Resolution, resolve
+from grounding.referent.resolver import Candidate, Resolution, find_all, resolve
 from grounding.referent.spatial_relations import fit_relation
 from grounding.scene_object import SceneObject
 
@@ -94,8 +94,11 @@ def describe_place(talk: Conversation, words: str) -> Reading | None:
 def _describe_one_at(talk: Conversation, words: str) -> Reading | None:
     """Return the description of a vehicle by its place alone, whatever was spoken of: "the one behind us"."""
     tokens = talk.read(words).tokens if words else ()
-    if not any(one.category is WordCategory.ONE for one in tokens[:2]):
+    at = next((i for i, one in enumerate(tokens) if one.category is WordCategory.ONE), None)
+    if at is None:
         return None
+    if at > 1:  # "the grey one behind us"
+        return describe_thing(talk, " ".join("vehicle" if i == at else one.text for i, one in enumerate(tokens)))
     return describe_place(talk, " ".join(one.text for one in tokens if one.category not in _EMPTY))
 
 
@@ -146,6 +149,18 @@ def _find_beyond(talk: Conversation, row: int) -> SceneObject | None:
     return table.items[best] if fit[best] >= _LEAST_IN_LINE else None
 
 
+def _find_sure(talk: Conversation, reading: Reading) -> tuple[Candidate, ...]:
+    """Return what a description fits without doubt, wherever it is; first what is called so: "where is the van?"."""
+    named = reading.query.referent
+    ids = {one.id for one in find_all(named, talk.scene)} if named is not None and not reading.query.secondary else ()
+    if named is None or not ids:
+        return ()
+    query = replace(reading.query, referent=replace(named, definite=False))
+    every = resolve(query, talk.scene, len(talk.scene.table.items)).candidates
+    fitting = tuple(one for one in every if one.item.id in ids)
+    return tuple(one for one in fitting if one.item.common_name == named.noun) or fitting
+
+
 def find_things(talk: Conversation, question: Question) -> Things:
     """Find what a question is about: a vehicle that it describes, each that it offers, else the one in talk."""
     if question.options and not names_thing(talk, question.words):
@@ -163,6 +178,8 @@ def find_things(talk: Conversation, question: Question) -> Things:
     found = find_by_it(talk, question.words, reading) or resolve(reading.query, talk.scene)
     if found.status == "not_found" and (at_place := _describe_one_at(talk, question.words)) is not None:
         found = resolve(at_place.query, talk.scene)  # the one behind us is no bus
+    if found.status == "ambiguous" and (sure := _find_sure(talk, reading)):
+        found = replace(found, status="ok" if len(sure) == 1 else "ambiguous", candidates=sure)
     if found.status == "not_found" or not found.candidates:
         return Things(reasons=found.reasons)
     if found.status == "ambiguous" and len(found.candidates) == 1:

@@ -11,7 +11,7 @@ from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.telling.measures import approaches, describe_one, find_in_lane
 from grounding.dialogue.telling.phrases import describe_goal
-from grounding.dialogue.telling.reports import NOT_KNOWN, aside
+from grounding.dialogue.telling.reports import NOT_KNOWN, aside, tell_reasons
 from grounding.dialogue.telling.things import describe_any, find_things
 from grounding.goal.conflicts import explain_conflicts
 from grounding.language.questions import Question
@@ -25,6 +25,7 @@ _KEPT = "the place is on the road, and clear of all vehicles that are seen"
 _CLEAR = "nobody who is seen drives into our way there, at the speeds of now"
 # Where those are who come from behind, and what stands for a vehicle before its place.
 _FROM_BEHIND = re.compile(r"\bfrom (?:behind|the back|the rear)(?: us| me)?\b")
+_IN_IT = re.compile(r"\bin (?:it|there|that lane|that one)\b")
 _NAMELESS = re.compile(r"^(?:an? |any |up )?(?=from |behind |on |ahead |in )")
 # What leads in the manoeuvre that is asked about.
 _TO = re.compile(r"^.*?\bto ")
@@ -35,12 +36,20 @@ _LANES, _SIDES = ("left_lane", "right_lane"), ("left_side", "right_side")
 
 def tell_coming(talk: Conversation, text: str, question: Question) -> Answer:
     """Tell whether anyone drives towards us, and who; all of them stay as they are in the conversation."""
-    words = _FROM_BEHIND.sub("behind us", question.words)
+    words = _FROM_BEHIND.sub("behind us", _in_lane(talk, question.words))
     reading = describe_any(talk, _NAMELESS.sub("vehicle ", words)) or describe_any(talk, words)
     named = reading.query.referent if reading is not None else None
     here = find_all(named or Referent("vehicle", "vehicle"), talk.scene)
     told = [describe_one(one, talk.scene) for one in here if approaches(one)][:MAX_CANDIDATES]
-    return aside(talk, text, *(["yes", *told] if told else ["no: nothing that is seen comes towards us"]))
+    where = "nothing that is seen there" if words else "nothing that is seen"
+    return aside(talk, text, *(["yes", *told] if told else [f"no: {where} comes towards us"]))
+
+
+def _in_lane(talk: Conversation, words: str) -> str:
+    """Return words in which "in it" is the lane to which the plan in force changes."""
+    goal = talk.state.goal
+    side = goal.query.direction if goal is not None and goal.query.action == "change_lane" else None
+    return words if side is None else _IN_IT.sub(f"in the {side} lane", words)
 
 
 def tell_lane(talk: Conversation, text: str, question: Question) -> Answer:
@@ -84,6 +93,9 @@ def tell_waiting(talk: Conversation, text: str, question: Question) -> Answer:
         and (told_of := _tell_in_way(talk, text, question))
     ):
         return told_of
+    asked = talk.state.question
+    if asked is not None and asked.plan.question and not question.words:
+        return tell_reasons(talk, text)  # "what is in the way?" of a place that is full
     in_lane, goal = find_in_lane(talk.scene), talk.state.goal
     ahead = in_lane[0] if in_lane else None
     here = "nothing is seen ahead of us in our lane"

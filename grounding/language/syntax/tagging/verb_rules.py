@@ -212,12 +212,14 @@ def tag_thing(before: Sequence[Token], token: Token, after: Sequence[Token]) -> 
 
 
 def tag_relation(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
-    """Tag the verb in "I like that car", our own rear in "coming from behind", the event in "until they are over"."""
+    """Tag the verb in "I like that car", places at us ("from behind", "the car alongside"), "until they are over"."""
     if token.value in _PASSED and ends_waiting(before, after):
         return as_passing(token)
     origin = token.text == "behind" and bool(before) and before[-1].text.split()[-1] == "from"
     if origin and category_at(after, 0) not in PHRASE_STARTS | {WordCategory.PRONOUN}:
         return token.with_category(WordCategory.WHERE, "behind_ego")
+    if token.text == "alongside" and category_at(before, -1) in HEADS and category_at(after, 0) not in PHRASE_WORDS:
+        return token.with_category(WordCategory.WHERE, "beside_ego")
     verb = token.text == "like" and category_at(before, -1) is WordCategory.EGO
     return token.with_category(WordCategory.NONDRIVE) if verb else token
 
