@@ -130,8 +130,7 @@ class RoadMap:
         along_m, lateral_m = ego_lane.cell_coordinates(grid)
         clearance = _distance_m(grid, drivable & ((flags & TAKEN) == 0))
         free = clearance > ego.width_m / 2
-        extra_cost = _NARROW * np.clip((_WIDE_M - clearance) / _WIDE_M, 0.0, 1.0)
-        extra_cost += _OFF_LANE * (np.abs(lateral_m) > _LANE_M / 2)
+        extra_cost = _extra_cost(clearance, lateral_m)
         paths = find_shortest_paths(grid, free, extra_cost, _start_cell(grid, free, start.xy_m))
         below = _cells_below(grid, start, ego)
         return cls(
@@ -187,7 +186,13 @@ class RoadMap:
         later = self.free_space.without(leaving, under)
         free = self.drivable & ((later.cell_flags & TAKEN) == 0)
         clearance_m = _distance_m(self.grid, _cells_below(self.grid, self.start, self.ego) | free)
-        return replace(self, clearance_m=clearance_m, free_space=later if places else self.free_space)
+        extra_cost = _extra_cost(clearance_m, self.lateral_m)
+        return replace(
+            self,
+            clearance_m=clearance_m,
+            extra_cost=extra_cost,
+            free_space=later if places else self.free_space,
+        )
 
     def _drives_on(self, item: SceneObject) -> bool:
         """Return whether a vehicle ahead certainly drives the way we do."""
@@ -316,6 +321,12 @@ def align_axis(axis_rad: float, reference_rad: float) -> float:
     """Return the direction of an axis that is closer to a reference direction."""
     turned = float(wrap_angle(axis_rad))
     return turned if np.cos(turned - reference_rad) >= 0 else float(wrap_angle(turned + np.pi))
+
+
+def _extra_cost(clearance_m: FloatArray, lateral_m: FloatArray) -> FloatArray:
+    """Return the cost (X, Y) of a metre, beyond one: in narrow passages and outside the ego lane."""
+    narrow = np.clip((_WIDE_M - clearance_m) / _WIDE_M, 0.0, 1.0)
+    return np.asarray(_NARROW * narrow + _OFF_LANE * (np.abs(lateral_m) > _LANE_M / 2))
 
 
 def _fill_holes(drivable: BoolArray, unknown: BoolArray, soft: bool) -> BoolArray:
