@@ -31,7 +31,7 @@ from grounding.referent.resolver import (
     with_partner,
 )
 from grounding.referent.scene import SceneModel
-from grounding.requests import Request, after_passing, after_turns, requests_of, without_referent
+from grounding.requests import Request, after_passing, after_turns, into_its_lane, requests_of, without_referent
 from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
 
@@ -96,7 +96,7 @@ def answer_steps(
     for request in _turn_beyond(after_passing(after_turns(requests)), scene):
         turned = start is not None and steps[-1].query.direction in ("left", "right")
         if steps and not turned:
-            request = _about_the_same(request, steps[-1])
+            request = into_its_lane(_about_the_same(request, steps[-1]), steps[-1].referent, scene)
         step = answer_step(request, scene, limit=limit, start=start, turned=turned)
         steps.append(step if start is None else _later_beyond_map(step, scene, start))
         if (target := steps[-1].target) is not None:

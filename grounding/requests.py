@@ -12,6 +12,7 @@ from grounding.language import Reading
 from grounding.query import Query, Referent
 from grounding.referent.resolver import Candidate
 from grounding.referent.scene import SceneModel
+from grounding.road.lane_model import LANE_M
 from grounding.scene_object import SceneObject
 from grounding.vocabulary import PASSING_ACTIONS
 
@@ -139,6 +140,20 @@ def after_passing(requests: Sequence[Request]) -> Sequence[Request]:
             query = replace(query, relation="none", landmark=None, referent=None)
             placed[i] = replace(following, reading=following.reading.with_query(query), chosen=None)
     return placed
+
+
+def into_its_lane(request: Request, before: Candidate | None, scene: SceneModel) -> Request:
+    """Return a change to a lane of no side as one to the side of the vehicle of the step before: "into its lane"."""
+    query, road = request.query, scene.road
+    lanes_only = bool(query.secondary) and all(one.noun == "lane" and not one.qualifiers for one in query.secondary)
+    unplaced = query.action == "change_lane" and query.direction is None and query.referent is None
+    if not (unplaced and lanes_only) or before is None or road is None:
+        return request
+    aside_m = float(road.ego_lane.project(before.item.centre_m)[1])
+    if abs(aside_m) < LANE_M / 2:
+        return request
+    side = replace(query, direction="left" if aside_m > 0 else "right", relation="none", landmark=None, secondary=())
+    return replace(request, reading=request.reading.with_query(side))
 
 
 def without_referent(request: Request, reasons: Sequence[str]) -> Request:

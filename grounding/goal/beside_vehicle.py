@@ -130,15 +130,16 @@ def _free_m(reference: ReferenceVehicle, front: float, sign: float) -> float:
 
 
 def _from_here_on(gaps: DistanceRange, reference: ReferenceVehicle) -> DistanceRange:
-    """Return the gaps of a follower; behind a vehicle that drives ahead of us it falls back while both drive.
+    """Return the gaps of a follower; behind a vehicle ahead of us it stays where it is, and falls back while driving.
 
     Until we are in line with it we drive on as far as the shift to its side takes.
     """
     (along_m, aside_m), item, ego = reference.lane_position, reference.item, reference.road.ego
     here_m = along_m - (item.length_m + ego.length_m) / 2
-    drives = reference.beside_ego_lane and not (reference.is_standing or reference.faces_us)
+    leads = reference.beside_ego_lane and not reference.faces_us
+    leads = leads and (abs(aside_m) < LANE_M / 2 or not reference.is_standing)
     there_m = here_m - (shift_length_m(aside_m, ego) if abs(aside_m) > LANE_M / 2 else 0.0)
-    if not drives or not _MIN_GAP_M < there_m < gaps.preferred_m:
+    if not leads or not _MIN_GAP_M < there_m < gaps.preferred_m:
         return gaps
     return DistanceRange(min(gaps.least_m, there_m - _CLOSER_M), there_m, gaps.most_m)
 

@@ -226,6 +226,8 @@ def plan_place(
         cannot = _CANNOT.get(query.action or "", "no place beside it stays")
         reason = f"it comes towards us at {item.speed_mps:.0f} m/s: {cannot}"
         return GoalPlan(None, (reason,), question=_LET_PASS, instead="give_way", refused=True)
+    if item is not None and query.manoeuvre == "back" and (item.speed_mps or 0.0) > MOVING_MPS:
+        return GoalPlan(None, (f"it {how_it_moves(item)}: we do not back up towards it",), refused=True)
     if item is not None and is_followed(query, item, road):
         following = replace(query, action="follow", relation="none")
         plan = plan_place(following, scene, road, item, excluded=excluded)

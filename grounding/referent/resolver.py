@@ -31,6 +31,8 @@ _TIE_MARGIN = np.log(1.5)
 _NAMED_MARGIN = np.log(3.0)
 # Share of the fit of the best one in the words that one in a tie has at least.
 _TIE_FIT = 0.5
+# A person who is said to be at a vehicle is there with this fit at least.
+_AT_VEHICLE_FIT = 0.5
 # Least probability of the object that an ordinal counts to.
 _LEAST_ORDINAL_PROBABILITY = 0.05
 # Below this no object fits a word.
@@ -106,10 +108,11 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
     scores = score_objects(sought, referent, scene)
     num_matches = int(scores.matches.sum())
     choices = _rank_choices(sought, referent, scene, scores) if num_matches else []
-    if not choices and beside is not None and people:
+    away = not choices or scores.fit[choices[0].row] < _AT_VEHICLE_FIT
+    if away and beside is not None and people:
         found = resolve(beside, scene, limit)
         return replace(
-            found, reasons=(f"no '{referent.phrase()}' is seen: its place is at the vehicle", *found.reasons)
+            found, reasons=(f"no '{referent.phrase()}' is seen there: its place is at the vehicle", *found.reasons)
         )
     if not choices:
         return _not_found(sought, referent, scene, scores, limit)

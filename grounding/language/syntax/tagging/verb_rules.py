@@ -65,6 +65,7 @@ _AFTER_PARKING = (
 )
 
 # Relations of somebody who has passed: "until it is past", "until they are over".
+_ANYONE = ("anyone", "anybody", "someone", "somebody", "anything", "something")
 _PASSED = ("past", "along", "opposite")
 # Verbs that turn round, but before a distance drive backwards.
 _GO_BACK = ("go back", "head back", "drive back")
@@ -218,6 +219,9 @@ def tag_relation(before: Sequence[Token], token: Token, after: Sequence[Token]) 
     origin = token.text == "behind" and bool(before) and before[-1].text.split()[-1] == "from"
     if origin and category_at(after, 0) not in PHRASE_STARTS | {WordCategory.PRONOUN}:
         return token.with_category(WordCategory.WHERE, "behind_ego")
+    named = category_at(before, -1) in HEADS or (bool(before) and before[-1].text in _ANYONE)
+    if token.text == "behind" and named and category_at(after, 0) is WordCategory.SIDE:
+        return token.with_category(WordCategory.WHERE, "behind_ego")  # "the car behind on the left"
     if token.text == "alongside" and category_at(before, -1) in HEADS and category_at(after, 0) not in PHRASE_WORDS:
         return token.with_category(WordCategory.WHERE, "beside_ego")
     verb = token.text == "like" and category_at(before, -1) is WordCategory.EGO
