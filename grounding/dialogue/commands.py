@@ -178,7 +178,7 @@ def _wait_there(talk: Conversation, reading: Reading) -> Answer | None:
     last = plan[-1]
     notes = tuple(one for one in reading.notes if one not in last.reading.notes)
     told = replace(last.reading, notes=(*last.reading.notes, *notes), dropped=reading.dropped)
-    stop = merge_request(replace(last, reading=told), Query(reading.query.command))
+    stop = replace(last, reading=said(told, reading.query.command))
     waits = (replace(wait, reading=wait.reading.with_query(Query(reading.query.command, "wait", ("wait",)))),)
     return talk.take((*plan[:-1], stop, *(waits if further else ()), *further))
 

@@ -12,14 +12,16 @@ from grounding.dialogue.choices import name_followed
 from grounding.dialogue.commands import answer_command
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.listed import answer_listed
+from grounding.dialogue.outcomes import is_misunderstood
 from grounding.dialogue.places.exclusions import answer_exclusion
 from grounding.dialogue.places.gaps import answer_gap
 from grounding.dialogue.places.road_position import answer_road_position
 from grounding.dialogue.places.somewhere import answer_somewhere
+from grounding.dialogue.places.whereabouts import answer_between_told, answer_whereabouts
 from grounding.dialogue.plans.giving_up import answer_giving_up
 from grounding.dialogue.plans.steps import edit_steps
 from grounding.dialogue.plans.waits import answer_wait
-from grounding.dialogue.sentences import answer_sentence, is_misunderstood
+from grounding.dialogue.sentences import answer_sentence
 from grounding.dialogue.telling.reports import inform, notice
 from grounding.dialogue.turns import ASIDES, DOING, names_command, predict_turn
 from grounding.language.alternatives import as_condition, lone_fallback
@@ -29,6 +31,14 @@ from grounding.language.reader.network import Prediction
 from grounding.language.replies import named_distance, read_reply
 from grounding.language.syntax.tokenizer import normalise
 
+# Events after which something is done, words that lead in a fallback, and how a goal tells that it is one already.
+_AFTER_EVENT = re.compile(
+    r"\bafter ((?:(?:that|this) (?:one|car|van|truck|lorry|bus|bike|motorbike|vehicle|guy))|he|she|it|they)"
+    r" ((?:has|have|is|are) (?:passed|gone|left|past|by|through|over|across|clear))\b",
+    re.IGNORECASE,
+)
+_LEAD = re.compile(r"^(?:(?:well|ok|okay|then|and|but|so|hmm)[, ]+)+", re.IGNORECASE)
+_NO_ROOM = "there is no room"
 _SENTENCE = re.compile(r"(?<=[.!?])\s+(?=\S)")
 _CLAUSE = re.compile(
     rf"{_SENTENCE.pattern}|\s*[,;:]\s+|\s*\.\.+\s*|\s+-+\s+|\s+(?=(?:and|but|so|because|cause|cos|cuz)\s)",
@@ -163,8 +173,10 @@ def answer_turn(talk: Conversation, text: str) -> Answer:
     """Answer a turn: sentence by sentence if each has a certain act of its own, else as a whole."""
     if as_condition(normalise(text)):  # "is there a gap behind the van? if so park there"
         return answer_command(talk, text, text)
-    if not talk.is_opening and (fallback := lone_fallback(text, talk.grounder.lexicon)):
-        if talk.state.goal is not None and talk.state.question is None:
+    text = _AFTER_EVENT.sub(r"once \1 \2", text)
+    if not talk.is_opening and (fallback := lone_fallback(_LEAD.sub("", text), talk.grounder.lexicon)):
+        short = talk.state.goal is not None and any(one.startswith(_NO_ROOM) for one in talk.state.goal.reasons)
+        if talk.state.goal is not None and talk.state.question is None and not short:
             return inform(talk, text, f"it is possible, so '{fallback}' is not needed")
         return answer_turn(talk, fallback)
     if answer := answer_listed(talk, text) or _answer_phrases(talk, text, partial(answer_turn, talk)):
@@ -201,6 +213,8 @@ def answer_turn(talk: Conversation, text: str) -> Answer:
 def _answer_phrases(talk: Conversation, text: str, answer_rest: Callable[[str], Answer]) -> Answer | None:
     """Answer a turn by its phrases, where each clause is one that is known as a whole; None for other turns."""
     if answer := name_followed(talk, text) or answer_gap(talk, text) or answer_somewhere(talk, text):
+        return answer
+    if answer := answer_whereabouts(talk, text) or answer_between_told(talk, text):
         return answer
     return answer_giving_up(talk, text, answer_rest) or answer_road_position(talk, text, answer_rest)
 

@@ -39,11 +39,12 @@ from grounding.dialogue.fragments import (
     carries_on,
     goes_onto_pavement,
     has_verb,
+    is_understood,
     read_description,
     stops_at_side,
 )
-from grounding.dialogue.memory import Memory
-from grounding.dialogue.merging import merge_request, names_place
+from grounding.dialogue.merging import merge_request
+from grounding.dialogue.outcomes import insists, is_misunderstood, names_no_place
 from grounding.dialogue.places.gaps import take_gap
 from grounding.dialogue.places.shifts import (
     BIT_M,
@@ -55,6 +56,7 @@ from grounding.dialogue.places.shifts import (
     shift_last,
     shift_more,
     shift_place,
+    usual_shift_m,
 )
 from grounding.dialogue.plans.waits import stands
 from grounding.dialogue.telling.questions import answer_question
@@ -77,7 +79,6 @@ from grounding.dialogue.turns import Turn, read_turn, state_of
 from grounding.goal.shift import Shift
 from grounding.language.reader.fields import NONE, unlearnt_qualifiers
 from grounding.language.replies import Reply, read_reply
-from grounding.language.revised_readings import evidence_of
 from grounding.query import Query
 from grounding.vocabulary import POSITIONS, REFUSED
 
@@ -121,10 +122,10 @@ _OF_THE_GRAMMAR = (*REFUSED, "faster")
 # "Then put me behind the van instead" is no further step.
 _INSTEAD = re.compile(r"\b(?:instead|rather)\b(?! of)", re.IGNORECASE)
 _OTHER_TURN = re.compile(r"a (left|right)(?: turn)?", re.IGNORECASE)
+# How far a movement goes.
+_UNTIL_WE = re.compile(r"\b(?:until|till|til|so that|so) (?:we|you|i)(?:'re|'m| are| am)\b", re.IGNORECASE)
 # Least probability of a remark at the beginning where the grammar is lost.
 _SURE_REMARK = 0.75
-# Relations of a wish that names no place of its own.
-_ANYWHERE = ("none", "near")
 # Acts that change where we stand.
 _MOVING = ("shift", "more", "place")
 # Replies about the words that follow them.
@@ -141,6 +142,8 @@ def answer_sentence(talk: Conversation, text: str) -> Answer:
     if told := answer_question(talk, text):
         return told
     talk.state = before
+    if not talk.is_opening and _ends_beside(talk, text):
+        return answer_command(talk, text, text)
     reply = read_reply(text, talk.grounder.lexicon)
     # After a goal is dropped, "carry on" agrees with nothing.
     dropped = not talk.is_opening and before.goal is None and before.question is None
@@ -160,14 +163,14 @@ def answer_sentence(talk: Conversation, text: str) -> Answer:
     if answer is None and guess is not None and guess.is_chat and plain:
         answer = _answer_likely(talk, text, reply, guess) or keep(talk, text)
     answer = answer or _answer(talk, text, reply, turn)
-    if "no" not in reply.kinds and _insists(answer, before, talk.state):
+    if "no" not in reply.kinds and insists(answer, before, talk.state):
         talk.state = before
         return confirm(talk, text)
     if guess is not None and not guess.is_likely_command and before.goal is not None:
         if answer.query.manoeuvre == "onward" and len(answer.steps) < 2 and carries_on(answer.reading):
             talk.state = before
             return confirm(talk, text)  # "do carry on"
-        if _names_no_place(answer):
+        if names_no_place(answer):
             talk.state = before
             return _answer_likely(talk, text, reply, guess) or keep(talk, text)
     if guess is not None and not talk.is_opening and is_misunderstood(answer):
@@ -180,30 +183,10 @@ def answer_sentence(talk: Conversation, text: str) -> Answer:
     return answer
 
 
-def _insists(answer: Answer, before: Memory, after: Memory) -> bool:
-    """Return whether a wish comes to the question again that is open: who repeats it agrees to what is offered."""
-    asked, again = before.question, after.question
-    if asked is None or again is None or again is asked or again is not answer or not again.plan.question:
-        return False
-    if again.query.relation not in (asked.query.relation, *_ANYWHERE):
-        return False  # "then after the van" is another place, at which there is no room either
-    about = [one.referent.item.id if one.referent else None for one in (asked, again)]
-    return asked.plan.question == again.plan.question and about[0] == about[1]
-
-
-def is_misunderstood(answer: Answer) -> bool:
-    """Return whether an answer is a failure to understand: a doubt, no command, or unused words and no result."""
-    reading = answer.reading
-    if answer.status == "ambiguous":
-        return bool(reading.doubt)
-    return answer.status != "ok" and not answer.plan.refused and bool(reading.problem or reading.dropped)
-
-
-def _names_no_place(answer: Answer) -> bool:
-    """Return whether half understood words that name no place have an effect: "I'll close my eyes a minute"."""
-    placed = names_place(answer.query) or answer.query.manoeuvre is not None
-    acts = answer.target is not None or answer.pace == "standing"
-    return acts and not placed and not evidence_of(answer.reading).whole
+def _ends_beside(talk: Conversation, text: str) -> bool:
+    """Return whether a turn moves us until we are at a vehicle: "come forward till we're next to it"."""
+    reading = talk.read(text) if _UNTIL_WE.search(text) else None
+    return reading is not None and reading.query.relation != "none" and is_understood(reading)
 
 
 def _answer_likely(talk: Conversation, text: str, reply: Reply, guess: Turn) -> Answer | None:
@@ -264,7 +247,7 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     if act == "shift" and turns and (other := _OTHER_TURN.fullmatch(reply.rest)):
         return answer_fragment(talk, text, replace(reply, rest=other[1]))  # "make that a left"
     if act == "shift":
-        return shift_place(talk, text, reply, Shift(turn.shift, turn.distance_m or BIT_M))
+        return shift_place(talk, text, reply, Shift(turn.shift, turn.distance_m or usual_shift_m(talk, text)))
     if act in ("more", "less"):
         return shift_more(talk, text, 1.0 if act == "more" else -1.0, turn.distance_m)
     if gap := take_gap(talk, text, turn):
@@ -330,7 +313,7 @@ def _answer_reply(talk: Conversation, text: str, reply: Reply) -> Answer | None:
     if reply.distance_m is not None and reply.kinds[-1] in ("more", "less"):
         return shift_more(talk, text, 1.0 if reply.kinds[-1] == "more" else -1.0, reply.distance_m)
     if reply.shift:
-        distance_m = BIT_M if reply.distance_m is None else reply.distance_m
+        distance_m = usual_shift_m(talk, text) if reply.distance_m is None else reply.distance_m
         return shift_place(talk, text, reply, Shift(reply.shift, distance_m))
     last = reply.kinds[-1] if reply.kinds else ""
     if not reply.rest:

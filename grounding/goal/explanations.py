@@ -20,6 +20,8 @@ _MOVED_M = 0.6
 _IN_LANE_M = 1.5
 # A gap that differs by more from the one asked for is told.
 _TOLD_GAP_M = 0.35
+# A stop that takes a greater deceleration is told.
+_HARD_MPS2 = 3.5
 # A way that turns by more is a turn in the road; reversing less than this is not worth a word.
 _TURN_ROUND_RAD, _LITTLE_M = np.radians(150), 0.5
 
@@ -75,6 +77,14 @@ def explain_way(way: CarRoute) -> str:
     if way.turned_rad > _TURN_ROUND_RAD:
         words += ", with a turn in the road"
     return f"{words}, {way.backwards_m:.0f} m of it backwards" if way.backwards_m > _LITTLE_M else words
+
+
+def explain_braking(query: Query, way: CarRoute, road: RoadMap) -> list[str]:
+    """Return that a place to stop takes hard braking at our speed; empty where it does not."""
+    stops = query.action in (*PARKING_ACTIONS, "stop", "give_way", "approach")
+    speed = max(road.speed_mps or 0.0, 0.0)
+    hard = speed**2 / 2 > _HARD_MPS2 * max(way.length_m, _LITTLE_M)
+    return [f"that takes hard braking: we drive at {speed:.0f} m/s"] if stops and hard and way.backwards_m < 1 else []
 
 
 def gap_beyond_m(place_m: FloatArray, heading_rad: float, ego: EgoVehicle, item: SceneObject) -> float:

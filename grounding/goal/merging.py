@@ -37,8 +37,9 @@ def moves_in_behind(query: Query, item: SceneObject, road: RoadMap) -> bool:
     ours = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) > _SAME_WAY
     beside = _BESIDE_M[0] < abs(aside_m) < _BESIDE_M[1] and (item.speed_mps or 0.0) > DRIVING_MPS
     rear_m = along_m - (item.length_m + road.ego.length_m) / 2
-    # The place of a follower is where we are already, or too near to change over to.
-    gap_m = max(_PREFERRED_M, road.style.following_gap_m(item.speed_mps))
+    # The place at a follower's distance would be where we are already, or too near to change over to.
+    far_m = road.style.following_gap_m(item.speed_mps) if query.action == "change_lane" else _PREFERRED_M
+    gap_m = max(_PREFERRED_M, far_m)
     return bool(ours and beside and -_COMES_UP_M < rear_m < shift_length_m(aside_m, road.ego) + gap_m)
 
 

@@ -16,7 +16,7 @@ from grounding.goal.at_landmark import keep_clear
 from grounding.goal.candidates import CandidateSet, GoalCandidate
 from grounding.goal.conflicts import explain_conflicts, find_conflicts
 from grounding.goal.exclusions import ExcludedPlace, excluded_cells
-from grounding.goal.explanations import explain_gap, explain_second_row, explain_target, explain_way
+from grounding.goal.explanations import explain_braking, explain_gap, explain_second_row, explain_target, explain_way
 from grounding.goal.limits import (
     AGAINST_TRAFFIC,
     BEHIND_US,
@@ -38,6 +38,7 @@ from grounding.goal.traffic import (
     is_caught_up_with,
     is_followed,
     keeps_distance,
+    meets_oncoming,
 )
 from grounding.query import Query
 from grounding.referent.scene import SceneModel
@@ -69,6 +70,8 @@ _PACE_REASONS = {
     "faster": "that asks for more speed and for no place",
     "standing": "that asks to stand where we are, and for no place",
 }
+# Candidates, best first, and the way to the first.
+_Found = tuple[list[GoalCandidate], CarRoute | None]
 _MIN_SCORE = 1e-6
 # No answer below this score.
 _MIN_SCORE_OK = 0.1
@@ -283,7 +286,7 @@ def plan_place(
     if (later := road.after_traffic(references, item is None)) is not None:
         again = CandidateSearch(candidate_sets, scene, later, references, ruled_out, limits)
         best_later, way_later = again.find_reachable(1 + _RUNNERS_UP)
-        if best_later and _is_worth_waiting(query, best, best_later, way, road):
+        if best_later and way_later and _is_worth_waiting(query, (best, way), (best_later, way_later), road):
             search, best, way = again, best_later, way_later
             what = "the way is" if item is not None else "the way and the place are"
             reasons = [*reasons, f"{what} free once those ahead of us have driven on"]
@@ -291,6 +294,7 @@ def plan_place(
         return _plan_without_target(search, item, reasons)
     target, *others = (to_target(candidate, scene, road) for candidate in best)
     of_place = [*explain_target(search, best[0]), explain_way(way), *explain_gap(query, best[0])]
+    of_place += explain_braking(query, way, road)
     of_place += explain_second_row(query, best[0].cell, best[0].heading_rad, road)
     first = find_conflicts(way, road, references) if start is None else []
     of_place += explain_conflicts(first, scene)
@@ -302,15 +306,14 @@ def plan_place(
     return replace(plan, passes_first=first[0]) if first else plan
 
 
-def _is_worth_waiting(
-    query: Query, now: list[GoalCandidate], later: list[GoalCandidate], way: CarRoute | None, road: RoadMap
-) -> bool:
+def _is_worth_waiting(query: Query, now: _Found, later: tuple[list[GoalCandidate], CarRoute], road: RoadMap) -> bool:
     """Return whether a place or a way once the traffic ahead has driven on is better than the one now."""
-    if not now or way is None:
+    (best, way), (best_later, way_later) = now, later
+    if not best or way is None:
         return True
-    if query.action in PASSING_ACTIONS:
-        return False
-    return later[0].cost < now[0].cost - _LATER or goes_around_traffic(way, road)
+    if query.action in PASSING_ACTIONS:  # nobody swings out into oncoming traffic around those who drive on
+        return meets_oncoming(way, road) and not meets_oncoming(way_later, road)
+    return best_later[0].cost < best[0].cost - _LATER or goes_around_traffic(way, road)
 
 
 def _in_our_lanes(candidates: CandidateSet, road: RoadMap) -> CandidateSet:

@@ -15,6 +15,7 @@ from grounding.goal.lane_relative import propose_between, propose_on_our_way, pr
 from grounding.goal.reference_frames import ReferenceVehicle
 from grounding.goal.turns import WHICH_WAY, explain_passed, propose_corner, propose_side_road
 from grounding.query import Query
+from grounding.road.lane_model import LANE_M
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
 from grounding.vocabulary import LANDMARK_KINDS, PERSON_NOUNS
@@ -42,6 +43,8 @@ _SHORT_OF_M = 5.0
 _TURN_M, _TURN_BEYOND_M = 3.0, 14.0
 # A vehicle whose side is this close to the centreline is in our way.
 _IN_OUR_WAY_M = 1.5
+# Gaps of a place at the kerb to the vehicle before or past which it is.
+_EDGE_GAP_M = DistanceRange(0.5, 1.5, 8.0)
 # Tolerance along a person for candidates level with them.
 _ABREAST_M = 2.0
 # Least lateral offset of candidates on one side of the ego lane.
@@ -85,6 +88,8 @@ def propose_candidates(
             reasons = [f"there is no vehicle to measure '{word}' from: the place is chosen without it", *reasons]
         return found, reasons
     found, reasons = _propose_with(query, road, item, partner)
+    if found is not None and query.goal_side == road.sides.kerb and query.relation in ("before", "past"):
+        found = [*_propose_at_kerb(query, road, item), *(replace(one, cost=one.cost + SECOND) for one in found)]
     if found is not None and query.goal_side and query.relation != "opposite":
         sign = 1.0 if query.goal_side == "left" else -1.0
         found = [_keep_side(each, road, sign) for each in found]
@@ -140,6 +145,19 @@ def propose_relation(relation: str, query: Query, road: RoadMap, item: SceneObje
     return propose_near(relation if relation in ("toward", "at") else "near", query, item, road)
 
 
+def _propose_at_kerb(query: Query, road: RoadMap, item: SceneObject) -> list[CandidateSet]:
+    """Return candidates at our kerb, before or past a vehicle: "pull up on the right, just before the van"."""
+    reference = ReferenceVehicle(item, road, 0.0)
+    along_m, _ = reference.lane_position
+    clear_m = reference.half_extent_m(reference.travel_rad) + road.ego.length_m / 2
+    ends_m = (_EDGE_GAP_M.least_m + clear_m, _EDGE_GAP_M.preferred_m + clear_m, _EDGE_GAP_M.most_m + clear_m)
+    if query.relation == "before":
+        ahead = DistanceRange(along_m - ends_m[2], along_m - ends_m[1], along_m - ends_m[0])
+    else:
+        ahead = DistanceRange(along_m + ends_m[0], along_m + ends_m[1], along_m + ends_m[2])
+    return ego_lane.propose_at_edge(road, road.sides.kerb, ahead) if reference.beside_ego_lane else []
+
+
 def _propose_abreast(query: Query, item: SceneObject, road: RoadMap) -> list[CandidateSet]:
     """Return candidates level with a person who may be across the road: at our edge to park, else in our lane."""
     reference = ReferenceVehicle(item, road, 0.0)
@@ -173,13 +191,39 @@ def _propose_with(query: Query, road: RoadMap, item: SceneObject, partner: Scene
         ahead_m = beyond_m if relation == "past" else _TURN_M if relation == "none" and along_m > 0 else level_m
         return ego_lane.propose_turned_around(road, ahead_m), []
     if relation == "none":
-        if action in ("wait", "give_way", "turn") or (action == "other" and query.direction):
+        if action in ("wait", "give_way"):
+            return _propose_letting(road, item)
+        if action == "turn" or (action == "other" and query.direction):
             return _propose_alone(query, road)
         walks = item.class_name == "person" and item.is_standing is False  # "stop for the man crossing"
         if action in ("slow_down", "avoid") or (action == "stop" and walks):
             return _propose_short_of(query, road, item)
         return propose_relation(_RELATION_OF[action], query, road, item)
     return propose_relation(relation, query, road, item)
+
+
+def _propose_letting(road: RoadMap, item: SceneObject) -> Proposal:
+    """Return candidates to let somebody go first: short of who is ahead of us, at the kerb for who is behind us."""
+    along, lateral = (float(each) for each in road.ego_lane.project(item.centre_m))
+    if along < 0 and abs(lateral) < LANE_M / 2:
+        edge = ego_lane.propose_at_edge(road, road.sides.kerb, _to_stop_at(road, _EDGE_M))
+        return [*edge, *(replace(one, cost=one.cost + SECOND) for one in _propose_waiting(road))], []
+    if along < 0 or road.speed_mps is None or ego_lane.is_standing(road):
+        return _propose_waiting(road), []
+    stop = ego_lane.stopping_range(road)
+    half = ReferenceVehicle(item, road, 0.0).half_extent_m(road.start.heading_rad)
+    short_m = along - half - road.ego.length_m / 2 - road.style.stop_gap_m
+    most = max(min(stop.most_m, short_m), stop.least_m)
+    ahead = DistanceRange(stop.least_m, min(stop.preferred_m, most), most + road.grid.cell_m)
+    too_near = ["it is too near for us to stop short of it"] if short_m < stop.least_m else []
+    return ego_lane.propose_in_lane(road, ahead, "in our lane"), too_near
+
+
+def _propose_waiting(road: RoadMap) -> list[CandidateSet]:
+    """Return candidates to stand where we are, or where our speed lets us stop."""
+    if road.speed_mps is None or ego_lane.is_standing(road):
+        return ego_lane.propose_here(road)
+    return ego_lane.propose_in_lane(road, ego_lane.stopping_range(road), "in our lane")
 
 
 def _propose_short_of(query: Query, road: RoadMap, item: SceneObject) -> Proposal:
@@ -255,9 +299,7 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
         found = ego_lane.propose_in_lane(road, ahead, "in our lane")
         return [*found, *_propose_beyond_lane_end(road, ahead)], _note_lane_end(road, ahead.preferred_m)
     if action in ("wait", "give_way"):
-        if road.speed_mps is None or ego_lane.is_standing(road):
-            return ego_lane.propose_here(road), []
-        return ego_lane.propose_in_lane(road, ego_lane.stopping_range(road), "in our lane"), []
+        return _propose_waiting(road), []
     if action == "turn":
         return None, [WHICH_WAY]
     if action == "other":
@@ -309,7 +351,7 @@ def _distance_ahead(query: Query, default: DistanceRange) -> DistanceRange:
 
 def _propose_beyond_lane_end(road: RoadMap, ahead: DistanceRange) -> Sequence[CandidateSet]:
     """Return candidates on another road if the ego lane ends before the preferred distance."""
-    if not _note_lane_end(road, ahead.preferred_m):
+    if not _note_lane_end(road, ahead.preferred_m) or not road.ego_lane.at_road_end:
         return ()
     return ego_lane.propose_on_any_road(road, ahead, "beyond the end of our lane")
 

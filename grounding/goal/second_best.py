@@ -51,9 +51,12 @@ def plan_with_second_best(
         road: the road map of that scene.
         item: reference vehicle of the relation, None if the command names none.
     """
+    if query.manoeuvre == "double_park" and plan.refused:
+        return _offer_our_lane(replace(query, manoeuvre=None), plan, scene, road)
     settled = plan.target is not None or plan.question or plan.search is None
-    if item is None and not settled and _is_at_kerb(query):
-        return _ask_to_stop_in_lane(query, plan, scene, road)
+    if item is None and not settled:
+        onward = _plan_to_end_of_map(plan, scene, road) if query.distance_of == "ego" else None
+        return onward or _plan_without_vehicle(query, plan, scene, road)
     if item is None or settled or query.relation == "between":  # beside one of two is not between them
         return with_nearest(plan)
     beyond = query.action in PASSING_ACTIONS or (query.relation == "past" and query.action not in PARKING)
@@ -76,10 +79,34 @@ def plan_with_second_best(
     return replace(plan, nearest=nearest, question=question)
 
 
-def _is_at_kerb(query: Query) -> bool:
+def _plan_without_vehicle(query: Query, plan: GoalPlan, scene: SceneModel, road: RoadMap) -> GoalPlan:
+    """Return a plan without a place and without a vehicle: on until there is room, our lane, or the nearest place."""
+    if not asks_for_kerb(query):
+        return with_nearest(plan)
+    return (_drive_on if query.manoeuvre == "onward" else _ask_to_stop_in_lane)(query, plan, scene, road)
+
+
+def asks_for_kerb(query: Query) -> bool:
     """Return whether a command asks for any place at the edge of the road."""
     stops = query.action in PARKING or (query.action == "stop" and (query.goal_side or query.road_side))
     return bool(stops) and query.relation == "none" and query.landmark is None
+
+
+def _drive_on(query: Query, plan: GoalPlan, scene: SceneModel, road: RoadMap) -> GoalPlan:
+    """Return a plan without room at the edge of the road as the one to drive on until there is room."""
+    onward = plan_place(Query(query.command, "other", ("other",), manoeuvre="onward"), scene, road)
+    reasons = (*plan.reasons, "there is no room yet: we drive on in our lane until there is", *onward.reasons)
+    return replace(onward, reasons=reasons)
+
+
+def _offer_our_lane(query: Query, plan: GoalPlan, scene: SceneModel, road: RoadMap) -> GoalPlan:
+    """Return a refused plan with the question whether our lane will do, where the edge of the road has no room."""
+    kerb = replace(query, action="pull_over", relation="none", referent=None, landmark=None, secondary=())
+    at_edge = plan_place(kerb, scene, road)
+    if at_edge.target is not None or at_edge.question:
+        return plan
+    asked = _ask_to_stop_in_lane(kerb, at_edge, scene, road)
+    return replace(plan, nearest=asked.nearest, question=asked.question)
 
 
 def _ask_to_stop_in_lane(query: Query, plan: GoalPlan, scene: SceneModel, road: RoadMap) -> GoalPlan:
@@ -97,7 +124,7 @@ def _ask_to_stop_in_lane(query: Query, plan: GoalPlan, scene: SceneModel, road: 
 
 
 def _plan_to_end_of_map(plan: GoalPlan, scene: SceneModel, road: RoadMap) -> GoalPlan | None:
-    """Return the plan to pass a vehicle beyond which the map ends: our lane up to there; None where it goes on."""
+    """Return the plan for a place beyond the end of the map: our lane up to there; None where the map goes on."""
     end_m = road.ego_lane.end_m
     search = plan.search
     if search is None or road.ego_lane.at_road_end or search.explain_failure()[1] != OFF_MAP:
@@ -106,7 +133,7 @@ def _plan_to_end_of_map(plan: GoalPlan, scene: SceneModel, road: RoadMap) -> Goa
     found, way = CandidateSearch(ego_lane.propose_in_lane(road, up_to, "in our lane"), scene, road).find_reachable()
     if not found or way is None:
         return None
-    reasons = (*plan.reasons, "the place beyond it lies beyond the map: we go to the end of the map for now")
+    reasons = (*plan.reasons, "the place lies beyond the map: we go to the end of the map for now")
     return replace(plan, target=to_target(found[0], scene, road), way=way, reasons=reasons)
 
 

@@ -68,6 +68,12 @@ def goes_around_traffic(way: CarRoute, road: RoadMap) -> bool:
     return False
 
 
+def meets_oncoming(way: CarRoute, road: RoadMap) -> bool:
+    """Return whether a way leads over where vehicles come towards us."""
+    towards_m = road.traffic_side * road.ego_lane.project(way.points_m)[1]
+    return bool(towards_m.max(initial=-np.inf) + road.ego.width_m / 2 > road.sides.oncoming_m)
+
+
 def comes_towards_us(item: SceneObject, road: RoadMap) -> bool:
     """Return whether a vehicle drives against our direction, and has not passed us."""
     along, _ = (float(each) for each in road.ego_lane.project(item.centre_m))

@@ -77,6 +77,10 @@ _TOPIC = re.compile(
     r"((?:how \w+ (?:away )?|where |what colou?r |which way )?(?:is|are|was|were|does|do|did|can|will))"
     r" (?:it|he|she|they)\b"
 )
+_TOPIC_LATER = re.compile(
+    r"^((?:and |but |so |ok(?:ay)?,? |well,? )*)(?:(?:what|how) about )?((?:the|that|this|those) [^,.;!?]{2,60}), "
+    r"((?:have|can|could|did|do|does|will|would|are|is) [^,.;!?]*?\b)(?:it|him|her|them)\b"
+)
 _US = frozenset(("we", "us", "you", "u", "i", "our", "your"))
 _MARKS = ".;!?,"
 # Kinds that are told of each of several things, how a question begins that only gives a choice, and most words of a
@@ -153,10 +157,12 @@ def read_question(text: str, lexicon: Lexicon | None = None) -> Question | None:
     if len(text) > MAX_CHARACTERS or as_condition(normalise(text)):
         return None
     lexicon = lexicon or default_lexicon()
-    full = _TOPIC.sub(r"\1\3 \2", _HOW_IS.sub(r"\1 is", _ARE.sub(" are", normalise(text))))
+    full = _HOW_IS.sub(r"\1 is", _ARE.sub(" are", normalise(text)))
+    full = _TOPIC_LATER.sub(r"\1\3\2", _TOPIC.sub(r"\1\3 \2", full))
     written = tuple(respelled(WORD.findall(full), lexicon))
     words = tuple(word.replace("'", "") for word in written)
-    start, comma = _start(words), _comma_before_options(words)
+    comma = _comma_before_options(words)
+    start = _start(words, marked=words[-1:] == ("?",) or comma < len(words))
     words, written, offered = words[:comma], written[:comma], written[comma + 1 :]
     if start is None or _says_more(words[start:]):
         return None
@@ -257,9 +263,9 @@ def _split_options(written: Sequence[str], parting: str) -> tuple[str, ...]:
     return options if all(options) else ()
 
 
-def _start(words: tuple[str, ...]) -> int | None:
-    """Return where a question begins; None without one."""
-    start, marked = _skip_lead(words, 0), words[-1:] == ("?",)
+def _start(words: tuple[str, ...], marked: bool) -> int | None:
+    """Return where a question begins; None without one. `marked`: whether its end marks it, or a choice."""
+    start = _skip_lead(words, 0)
     for at in range(start, min(start + _MAX_BEFORE + 1, len(words))):
         if (told := _end("indirect", words, at)) and (begun := _skip_lead(words, told)) < len(words):
             if _end("listed", words, begun):

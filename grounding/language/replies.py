@@ -25,7 +25,7 @@ _COMPARATIVES = ("nearest", "farthest", "largest", "smallest")
 _PLAN_KINDS = (
     *("dropping", "rejecting", "dropped", "keeping", "rest", "stop", "step", "being", "swapping", "both", "visiting"),
     *("untilword", "telling", "awaited", "till", "supposed", "passed", "return", "beforehand", "beforethat"),
-    *("starting", "aboard", "retelling"),
+    *("starting", "aboard", "forroom", "retelling"),
     *("atedge", "ourside", "otherside", "ourlane", "someplace", "anyplace", "upahead", "notback"),
     *("leaving", "leavingmore", "sufficing", "apart", "tooclose"),
     *("hindering", "particle", "elsewherethan", "limit", "nextgap", "thatgap", "tous", "afterall"),

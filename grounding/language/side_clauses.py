@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 from grounding.language.reading import Reading
@@ -38,6 +39,9 @@ _TELLING = (
     | {WordCategory.VERB, WordCategory.MEANWHILE, WordCategory.WHERE, WordCategory.HERE, WordCategory.THERE}
     | {WordCategory.RELATION, WordCategory.ONE, WordCategory.STATE, WordCategory.QUESTION}
 )
+# Words before what a place is for, and categories of what we do there.
+_WHERE_WE_CAN = ("where i can", "where we can", "where you can", "where they can", "where she can", "where he can")
+_DOING = (WordCategory.NONDRIVE, WordCategory.UNKNOWN)
 # First words of what is not to happen, where it is no command.
 _WHO = frozenset(("i", "we", "you", "it", "he", "she", "they", "nobody", "noone", "none"))
 # A noun for vehicles of any class.
@@ -68,10 +72,18 @@ def split_warning(text: str, tokens: Sequence[Token]) -> Split | None:
 
 
 def split_purpose(text: str, tokens: Sequence[Token]) -> Split | None:
-    """Return a text without what is not to happen: "..., so we don't block it"; arguments as in `split_warning`."""
+    """Return a text without what is not to happen ("so we don't block it"), or what a place is for ("where I can").
+
+    Arguments as in `split_warning`.
+    """
     clauses = split_clauses(tokens)
     at = next((i for i, one in enumerate(clauses) if i and one.connective == "so" and _begins_purpose(one)), None)
-    return None if at is None else _split(text, clauses, at)
+    if at is not None:
+        return _split(text, clauses, at)
+    where = next(
+        (one for one, after in pairwise(tokens) if one.text in _WHERE_WE_CAN and after.category in _DOING), None
+    )
+    return None if where is None or not where.start else Split(text[: where.start], text[where.start :])
 
 
 def split_reasons(text: str, tokens: Sequence[Token]) -> Iterator[Split]:

@@ -72,6 +72,8 @@ def lead_side(referent: Referent) -> int:
     """Return 1 for "the car in front of us", -1 for "the car behind us", 0 for another position or several cars."""
     qualifiers = {*referent.qualifiers}
     several = referent.number != 1 or is_plural(referent.head)
+    if {"ahead", "first"} <= qualifiers:  # "the first one ahead of us"
+        qualifiers = qualifiers - {"first"}
     if several or not referent.in_line or not referent.definite or not qualifiers <= _NON_POSITIONAL:
         return 0
     return ("ahead" in qualifiers) - ("behind_ego" in qualifiers)
@@ -79,7 +81,7 @@ def lead_side(referent: Referent) -> int:
 
 def is_plural(head: str) -> bool:
     """Return whether a noun names several."""
-    return head.endswith("people") or (head.endswith("s") and not head.endswith(("ss", "bus")))
+    return head.endswith("people") or (head.endswith("s") and not head.endswith(("ss", "bus", "'s", " is", " was")))
 
 
 def lead_probability(side: int, table: ObjectTable, membership: FloatArray) -> FloatArray:

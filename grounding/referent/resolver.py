@@ -15,7 +15,7 @@ from grounding.referent.doubts import fits_badly, lacks_class, question_about
 from grounding.referent.fuzzy import gaussian
 from grounding.referent.ordinals import find_ordinals
 from grounding.referent.predicates import to_referent
-from grounding.referent.rows import end_of_row, is_group, names_queue
+from grounding.referent.rows import end_of_row, is_group, lacks_leader, names_queue
 from grounding.referent.scene import SceneModel
 from grounding.referent.scoring import ReferentScores, note_unmapped, score_objects
 from grounding.referent.sought import by_vehicle, with_sought_referent
@@ -32,7 +32,7 @@ _NAMED_MARGIN = np.log(3.0)
 # Share of the fit of the best one in the words that one in a tie has at least.
 _TIE_FIT = 0.5
 # A person who is said to be at a vehicle is there with this fit at least.
-_AT_VEHICLE_FIT = 0.5
+_AT_VEHICLE_FIT = 0.25
 # Least probability of the object that an ordinal counts to.
 _LEAST_ORDINAL_PROBABILITY = 0.05
 # Below this no object fits a word.
@@ -120,6 +120,8 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
         too_few = explain_too_few(referent, num_matches)
         return Resolution("not_found", _candidates(choices[:limit], scene, scores), (too_few, *scores.notes))
     choices = _with_named_first(referent, choices, scene)
+    if lacks_leader(query, referent, choices[0].row, scene):
+        return Resolution("not_found", (), ("nobody is seen ahead of us in our lane", *scores.notes))
     choices, row = _at_end_of_row(sought, referent, choices, scene, scores)
     if names_queue(referent) and not row:
         return Resolution("not_found", (), ("no queue is seen ahead of us in our lane", *scores.notes))

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from appocc.motion_state import MOVING_MPS
 from grounding.query import Query, Referent
-from grounding.referent.ordinals import find_ordinals, is_plural
+from grounding.referent.ordinals import find_ordinals, is_plural, lead_side
 from grounding.referent.priors import GROUP_M
 from grounding.referent.scene import SceneModel
 from grounding.road.lane_model import LANE_M
@@ -61,6 +62,13 @@ def end_of_row(query: Query, referent: Referent, rows: Sequence[int], scene: Sce
         return None
     along = scene.table.along_m
     return (max if beyond else min)(members, key=lambda row: along[row]), len(members)
+
+
+def lacks_leader(query: Query, referent: Referent, row: int, scene: SceneModel) -> bool:
+    """Return whether "the car in front" is to be followed or overtaken, and the best is parked beside our lane."""
+    leads = query.action in ("follow", "overtake") and lead_side(referent) > 0
+    speed = scene.table.speed_mps[row]
+    return bool(leads and not is_before_us(row, scene) and np.nan_to_num(speed) < MOVING_MPS)
 
 
 def is_before_us(row: int, scene: SceneModel) -> bool:

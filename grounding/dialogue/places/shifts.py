@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -28,6 +29,7 @@ from grounding.road.lane_model import LANE_M
 from grounding.vocabulary import LANDMARK_KINDS, Relation, ShiftDirection
 
 # Distance of "a bit", the same across our lane, and distances to another place than the goal.
+_TOO_FAR = re.compile(r"\b(?:too|so|that) far\b(?! (?:from|to the|off the|away from))")
 BIT_M, _ASIDE_M = 2.0, 0.5
 _ELSEWHERE_M = (6.0, 12.0, 18.0, 24.0)
 # Relations in line with a vehicle, by those at its other end.
@@ -63,6 +65,14 @@ def place_in_talk(talk: Conversation) -> Target | None:
     if question is not None and offers_place(talk):
         return question.plan.nearest
     return goal.target if goal is not None else None
+
+
+def usual_shift_m(talk: Conversation, text: str) -> float:
+    """Return how far a place is moved that no turn says: a bit, or a third of the way to it if it is too far."""
+    place = place_in_talk(talk)
+    if place is None or _TOO_FAR.search(text.lower()) is None:
+        return BIT_M
+    return max(BIT_M, _ahead_m(talk, place) / 3)
 
 
 def shift_last(talk: Conversation, text: str, shift: Shift) -> Answer:

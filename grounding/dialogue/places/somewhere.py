@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from grounding.answer import Answer
@@ -11,6 +12,7 @@ from grounding.dialogue.places.shifts import BIT_M, move_elsewhere, shift_last
 from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.telling.reports import inform
 from grounding.goal.ego_lane import gap_number
+from grounding.goal.second_best import asks_for_kerb
 from grounding.goal.shift import Shift
 from grounding.language import Reading
 from grounding.language.replies import read_reply, words_end
@@ -22,15 +24,19 @@ from grounding.vocabulary import ShiftDirection
 _AT_EDGE = ("park", "pull_over")
 # Words for a place beyond the goal in force, and where it is looked for.
 _FURTHER = frozenset(("further", "farther"))
+# Most words of a clause beside one that seeks room: "no, not in the street".
+_FEW = 5
 _AHEAD: tuple[ShiftDirection, ...] = ("ahead",)
 
 
 def answer_somewhere(talk: Conversation, text: str) -> Answer | None:
     """Answer a turn that gives up the place for any other one, ahead of us if that is said; None for other turns."""
     state, request = talk.state, talk.state.request
+    clauses = clauses_of(talk, text)
+    if request is not None and (answer := _drive_on_for_room(talk, text, request, clauses)):
+        return answer
     if request is None or state.lists or not (request.query.action in STOPS and state.steps):
         return None
-    clauses = clauses_of(talk, text)
     if clauses and all(is_phrase("nextgap", words) or is_phrase("thatgap", words) for words in clauses):
         return _take_next_gap(talk, text, request)
     asks = [_asks_anywhere(words) for words in clauses]
@@ -50,6 +56,22 @@ def answer_somewhere(talk: Conversation, text: str) -> Answer | None:
         return _avoid_reversing(talk, text, said_ahead=any(map(_says_ahead, clauses)), repeats=repeats)
     of_us = all("us" in words for words in others)  # "no, in front of us"
     return _take_any_ahead(talk, text) if of_us and _is_behind(talk) else None
+
+
+def _drive_on_for_room(talk: Conversation, text: str, request: Request, clauses: Sequence[Words]) -> Answer | None:
+    """Drive on until the edge of the road has room, where our lane is offered instead; None for other turns."""
+    question = talk.state.question
+    if question is None or not question.plan.question or not asks_for_kerb(request.query):
+        return None
+    seeks = [is_phrase("forroom", words) for words in clauses]
+    goes = [talk.read(" ".join(words)).query.manoeuvre == "onward" for words in clauses]
+    if not any(map(max, seeks, goes)) or any(
+        len(words) > _FEW for words, *one in zip(clauses, seeks, goes, strict=True) if not any(one)
+    ):
+        return None
+    onward = replace(request.query, manoeuvre="onward")
+    reading = said(request.reading.with_query(onward), text)
+    return talk.take(talk.state.with_request(replace(request, reading=reading)))
 
 
 def _take_next_gap(talk: Conversation, text: str, request: Request) -> Answer | None:

@@ -18,11 +18,12 @@ from grounding.dialogue.merging import names_place
 from grounding.dialogue.plans.steps import HOLDING
 from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.telling.reports import aside, notice
+from grounding.dialogue.telling.things import find_told
 from grounding.language import Reading, WordCategory
 from grounding.language.conditions import tells_cases
 from grounding.language.questions import asks_car
 from grounding.language.replies import words_after_opening, words_end
-from grounding.query import Query
+from grounding.query import Query, Referent
 from grounding.requests import STOPS, Request, requests_of
 from grounding.vocabulary import LANDMARK_KINDS
 
@@ -73,13 +74,14 @@ def _answer_wait(talk: Conversation, text: str, last: str) -> Answer | None:
     """Answer the last sentence of a turn."""
     lexicon, steps = talk.grounder.lexicon, talk.state.steps
     words = words_after_opening(last, lexicon)
+    if answer := _set_off(talk, text):
+        return answer
     if words_end("telling", words, 0) > words_end("retelling", words, 0):
         return _keep(talk, text, "that cannot be done: an answer is given when something is said, and not later")
     if not steps:
-        return None
+        return _await_coming(talk, text, words)
     if (
-        answer := _set_off(talk, text)
-        or _start(talk, text, words)
+        answer := _start(talk, text, words)
         or _go_on(talk, last)
         or _hold(talk, text, words_after_opening(last, lexicon, tail=True))
     ):
@@ -122,7 +124,8 @@ def stands(state: Memory) -> bool:
         return False
     query = state.plan[-1].query if len(state.plan) == 1 else None
     anywhere = query is not None and query.action in ("stop", "pull_over") and not names_place(query)
-    return state.goal.pace == "standing" or anywhere
+    lets_by = query is not None and query.action == "give_way"
+    return state.goal.pace == "standing" or anywhere or lets_by
 
 
 def _only_paces(steps: Sequence[Request]) -> bool:
@@ -131,10 +134,27 @@ def _only_paces(steps: Sequence[Request]) -> bool:
 
 
 def _about_meant(talk: Conversation, step: Request) -> Request:
-    """Return a step about the vehicle in talk, if it names one by a pronoun only."""
-    named = step.query.referent
-    bare = named is not None and named.anaphora and not (named.colour or named.qualifiers)
+    """Return a step about the vehicle in talk, if it names one by a pronoun only; who comes is to pass."""
+    named, tokens = step.query.referent, step.reading.tokens
+    plain = step.query.unresolved or (named is not None and not (named.colour or named.qualifiers))
+    points = plain and not any(one.category in (WordCategory.NOUN, WordCategory.PERSON) for one in tokens)
+    asked = talk.last_told.question.kind if talk.last_told is not None else ""
+    coming = find_told(talk)[:1] if points and step.query.trigger == "pass" and asked == "coming" else []
+    if coming:
+        vehicle = Referent(coming[0].item.class_name, coming[0].item.common_name)
+        query = replace(step.query, referent=vehicle, landmark="referent", unresolved="")
+        return replace(step, chosen=coming[0], reading=step.reading.with_query(query))
+    bare = named is not None and named.anaphora and plain
     return replace(step, chosen=talk.meant) if bare and talk.meant is not None else step
+
+
+def _await_coming(talk: Conversation, text: str, words: Words) -> Answer | None:
+    """Wait for who was told to come, where no goal is in force: "wait till it's past"; None for other turns."""
+    awaited = _read_awaited(talk, words, "") if talk.state.question is None else None
+    if awaited is None or awaited.wait is None or awaited.command is not None:
+        return None
+    waits = [_about_meant(talk, one) for one in requests_of(said(awaited.wait, text))]
+    return talk.take(waits) if all(one.chosen is not None for one in waits) else None
 
 
 def _without(steps: Sequence[Request], waits: Sequence[Request]) -> list[Request]:
@@ -278,9 +298,10 @@ def _hold(talk: Conversation, text: str, words: Words) -> Answer | None:
 def _set_off(talk: Conversation, text: str) -> Answer | None:
     """Drive on from a stop that has served its purpose: "she's in, let's go"; None for other turns."""
     words = tuple(word for word in words_after_opening(text, talk.grounder.lexicon) if word not in MARKS)
-    plan, end = talk.state.plan, words_end("aboard", words, 0)
+    plan, end, request = talk.state.plan, words_end("aboard", words, 0), talk.state.request
     rest = tuple(word for word in words[end:] if word.isalpha())
-    if not (end and rest and plan and plan[0].query.action in STOPS):
+    stops = plan[0] if plan else request
+    if not (end and rest) or stops is None or stops.query.action not in STOPS:
         return None
     if words_end("starting", rest, 0) < len(rest) and talk.read(" ".join(rest)).query.manoeuvre != "onward":
         return None

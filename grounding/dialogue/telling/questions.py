@@ -39,7 +39,7 @@ from grounding.dialogue.telling.reports import (
     tell_vehicle,
     unknown,
 )
-from grounding.dialogue.telling.room import tell_gap_between, tell_room, tell_spot
+from grounding.dialogue.telling.room import tell_gap_between, tell_room, tell_room_at_each, tell_spot
 from grounding.dialogue.telling.stance import (
     names_one_beside_us,
     tell_beside,
@@ -70,6 +70,9 @@ _OF_OUR_MOTION = {"moving", "standing", "us", "slow"}
 # What is too small for us where there is room, and the other way round.
 _WRONG = {"yes": "nothing: there is room", "no": "there is no room"}
 _YES_NO, _TURNED = re.compile(r"^(?:yes|no)(?=[:,]|$)"), {"yes": "no", "no": "yes"}
+_AGES = re.compile(
+    r"\b(?:kids?|child(?:ren)?|toddlers?|teenagers?|elderly|old (?:m[ae]n|lady|ladies|woman|people))\b"
+)
 _LATER = (f"{NOT_KNOWN}: what others will do",)
 _Teller = Callable[[Conversation, str, Question], Answer | None]
 
@@ -88,6 +91,8 @@ def answer_question(talk: Conversation, text: str) -> Answer | None:
     told = _answer(talk, text, question)
     if told is None and follows is not None:
         return unknown(talk, text, "which thing is meant")
+    if told is not None and _AGES.search(text.lower()) and any("person" in one for one in told.reasons):
+        told = replace(told, reasons=(*told.reasons, f"{NOT_KNOWN}: how old anyone is"))
     if told is not None:
         same = talk.last_told if talk.listed and talk.listed == talk.told_ids() else None
         talk.keep_told(replace(question, words=same.question.words) if same is not None else question)
@@ -101,7 +106,11 @@ def _answer(talk: Conversation, text: str, question: Question) -> Answer | None:
         return told
     if ("beside" in question.kinds or _is_of_place(talk, question)) and (told := tell_beside(talk, text, question)):
         return told
-    if "out" in question.kinds and question.kind in _OF_ROOM and (told := tell_sides(talk, text, question)):
+    if (
+        "out" in question.kinds
+        and question.kind in ("room", "gap", "tight")
+        and (told := tell_sides(talk, text, question))
+    ):
         return told
     if question.limit:
         return unknown(talk, text, question.limit)
@@ -289,6 +298,8 @@ def _tell_spot(talk: Conversation, text: str, question: Question) -> Answer:
 
 
 def _tell_room(talk: Conversation, text: str, question: Question) -> Answer | None:
+    if "which" in question.kinds and (each := tell_room_at_each(talk, text)):
+        return each
     told = tell_room(talk, text, question.words)
     if "wrong" not in question.kinds:
         return told

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -13,12 +14,17 @@ from grounding.dialogue.telling.between import describe_apart, find_pair
 from grounding.dialogue.telling.measures import describe_gap
 from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.telling.reports import aside, ask_again, inform, not_understood, unknown
-from grounding.dialogue.telling.things import POINTING, names_thing
+from grounding.dialogue.telling.things import POINTING, find_told, names_thing
+from grounding.goal.limits import is_in_the_road
 from grounding.language import Reading, WordCategory
 from grounding.query import Query, Referent
+from grounding.referent.ordinals import is_plural
 from grounding.referent.resolver import Candidate
 from grounding.requests import STOPS, Request, requests_of
 
+# A place at each of several vehicles, and most of them that are told.
+_AT_EACH = re.compile(r"\b(behind|in front of|ahead of|after|before|next to|beside) (?:it|them|each)\b")
+_MOST_TOLD = 4
 # Words that name no place.
 _EMPTY = (
     *(*POINTING, WordCategory.THERE, WordCategory.THE, WordCategory.ANY, WordCategory.EGO, WordCategory.POSSESSIVE),
@@ -30,6 +36,8 @@ def tell_room(talk: Conversation, text: str, words: str) -> Answer:
     """Tell whether there is a place; "do it" takes it then: "can we fit behind the red car?"."""
     base = talk.state.request.query if talk.state.request else Query("", "park")
     reading = _read_place(talk, words, base)
+    if reading is not None and _is_between_several(reading.query):
+        return tell_spot(talk, text, "")  # "any gap between the parked cars?"
     if reading is None and (manoeuvre := _read_manoeuvre(talk, words)) is not None:
         return propose(talk, text, requests_of(said(manoeuvre, text)))
     if reading is None:
@@ -37,6 +45,22 @@ def tell_room(talk: Conversation, text: str, words: str) -> Answer:
     chosen = talk.meant if names_pronoun(reading) else None
     query = replace(said(reading, text).query, action=base.action or "park")
     return propose(talk, text, [replace(one, chosen=chosen) for one in requests_of(reading.with_query(query))])
+
+
+def _is_between_several(query: Query) -> bool:
+    """Return whether a place is between any two of several vehicles: "between the parked cars"."""
+    named = query.referent
+    several = named is not None and is_plural(named.head) and not {"two", "both"} & {*query.command.split()}
+    return query.relation == "between" and several and not any(one.relation == "between" for one in query.secondary)
+
+
+def tell_room_at_each(talk: Conversation, text: str) -> Answer | None:
+    """Tell at which of the vehicles that were told there is room: "which of them has more room behind it?"."""
+    place, known = _AT_EACH.search(text.lower()), find_told(talk)
+    if place is None or len(known) < 2:
+        return None
+    (reading,) = talk.readings(f"park {place[1]} it", Referent("vehicle", "vehicle"), alone=False)[:1]
+    return _tell_at_each(talk, text, requests_of(said(reading, text)), known[:_MOST_TOLD])
 
 
 def tell_spot(talk: Conversation, text: str, words: str) -> Answer:
@@ -84,7 +108,15 @@ def propose(talk: Conversation, text: str, requests: Sequence[Request]) -> Answe
         return inform(talk, text, "no", *answer.reasons)
     asked = replace(answer, status="ambiguous", alternatives=(answer,))
     talk.state = replace(talk.state, question=asked, asked=tuple(requests), at=0)
-    return inform(talk, text, "yes", *answer.reasons)
+    return inform(talk, text, "only in the road" if _is_in_the_road(answer) else "yes", *answer.reasons)
+
+
+def _is_in_the_road(answer: Answer) -> bool:
+    """Return whether a place to park would be in the way of others."""
+    road, place = None if answer.scene is None else answer.scene.road, answer.target
+    if road is None or place is None or answer.query.action not in ("park", "pull_over"):
+        return False
+    return is_in_the_road(place.cell, place.heading_ego_rad, road)
 
 
 def _tell_in_force(talk: Conversation, text: str, words: str) -> Answer:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -149,6 +150,12 @@ def _find_beyond(talk: Conversation, row: int) -> SceneObject | None:
     return table.items[best] if fit[best] >= _LEAST_IN_LINE else None
 
 
+def _is_called(found: Sequence[Candidate], reading: Reading) -> bool:
+    """Return whether the best of what is found is called as a description calls it."""
+    noun = reading.query.referent.noun if reading.query.referent is not None else "vehicle"
+    return noun == "vehicle" or any(one.item.common_name == noun for one in found)
+
+
 def _find_sure(talk: Conversation, reading: Reading) -> tuple[Candidate, ...]:
     """Return what a description fits without doubt, wherever it is; first what is called so: "where is the van?"."""
     named = reading.query.referent
@@ -178,7 +185,8 @@ def find_things(talk: Conversation, question: Question) -> Things:
     found = find_by_it(talk, question.words, reading) or resolve(reading.query, talk.scene)
     if found.status == "not_found" and (at_place := _describe_one_at(talk, question.words)) is not None:
         found = resolve(at_place.query, talk.scene)  # the one behind us is no bus
-    if found.status == "ambiguous" and (sure := _find_sure(talk, reading)):
+    loose = found.status == "ok" and not _is_called(found.candidates[:1], reading)  # "a van" is no tall car
+    if (found.status == "ambiguous" or loose) and (sure := _find_sure(talk, reading)):
         found = replace(found, status="ok" if len(sure) == 1 else "ambiguous", candidates=sure)
     if found.status == "not_found" or not found.candidates:
         return Things(reasons=found.reasons)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from appocc.motion_state import MOVING_MPS
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.telling.measures import approaches, describe_one, find_in_lane
@@ -19,6 +20,7 @@ from grounding.query import Referent
 from grounding.referent.resolver import MAX_CANDIDATES, find_all
 from grounding.requests import requests_of
 from grounding.road.lane_model import LANE_M
+from grounding.scene_object import SceneObject
 
 # What holds of every place that is found, and of a way that nobody comes into.
 _KEPT = "the place is on the road, and clear of all vehicles that are seen"
@@ -26,23 +28,45 @@ _CLEAR = "nobody who is seen drives into our way there, at the speeds of now"
 # Where those are who come from behind, and what stands for a vehicle before its place.
 _FROM_BEHIND = re.compile(r"\bfrom (?:behind|the back|the rear)(?: us| me)?\b")
 _IN_IT = re.compile(r"\bin (?:it|there|that lane|that one)\b")
+_TOWARDS_US = re.compile(r"\btowards? (?:us|me)\b|\b(?:at us|our way|oncoming|the other way)\b")
 _NAMELESS = re.compile(r"^(?:an? |any |up )?(?=from |behind |on |ahead |in )")
 # What leads in the manoeuvre that is asked about.
 _TO = re.compile(r"^.*?\bto ")
 # Who is in the lane beside ours this far behind and ahead of us hinders us there.
 _LANE_BACK_M, _LANE_AHEAD_M, _MOST_TOLD = 30.0, 20.0, 3
+# Who is beside us is this near along our lane.
+_LEVEL_M = 6.0
 _LANES, _SIDES = ("left_lane", "right_lane"), ("left_side", "right_side")
 
 
 def tell_coming(talk: Conversation, text: str, question: Question) -> Answer:
-    """Tell whether anyone drives towards us, and who; all of them stay as they are in the conversation."""
+    """Tell whether anyone drives towards us, and who; who is to pass first is the nearest of them."""
     words = _FROM_BEHIND.sub("behind us", _in_lane(talk, question.words))
     reading = describe_any(talk, _NAMELESS.sub("vehicle ", words)) or describe_any(talk, words)
     named = reading.query.referent if reading is not None else None
     here = find_all(named or Referent("vehicle", "vehicle"), talk.scene)
-    told = [describe_one(one, talk.scene) for one in here if approaches(one)][:MAX_CANDIDATES]
+    faces = _TOWARDS_US.search(text.lower()) is not None and not _FROM_BEHIND.search(text.lower())
+    back_m = talk.scene.ego.centre_m
+    coming = [one for one in here if approaches(one) and not (faces and one.centre_m[0] < back_m)][:MAX_CANDIDATES]
+    told = [describe_one(one, talk.scene) for one in coming]
+    if _FROM_BEHIND.search(text.lower()) or "behind" in words:
+        beside = [one for one in _find_beside_us(talk, words) if one not in coming]
+        told += [f"beside us: {describe_one(one, talk.scene)}" for one in beside]
+        coming = [*beside, *coming]
+    talk.list_items(coming)  # "wait till it's past"
     where = "nothing that is seen there" if words else "nothing that is seen"
-    return aside(talk, text, *(["yes", *told] if told else [f"no: {where} comes towards us"]))
+    yes = [] if "description" in question.kinds else ["yes"]  # "what colour is the car coming towards us?"
+    return aside(talk, text, *([*yes, *told] if told else [f"no: {where} comes towards us"]))
+
+
+def _find_beside_us(talk: Conversation, words: str) -> list[SceneObject]:
+    """Return the vehicles that drive our way in the lanes beside ours, on the side that is named."""
+    table = talk.scene.table
+    named = [sign for side, sign in (("left", 1.0), ("right", -1.0)) if side in words.split()]
+    near = (np.abs(table.along_m) < _LEVEL_M) & (np.abs(np.abs(table.lateral_m) - LANE_M) < LANE_M / 2)
+    near &= (np.nan_to_num(table.speed_mps) > MOVING_MPS) & (np.cos(table.relative_heading_rad) > 0)
+    near &= np.isin(np.sign(table.lateral_m), named or [1.0, -1.0])
+    return [table.items[int(row)] for row in np.flatnonzero(near)]
 
 
 def _in_lane(talk: Conversation, words: str) -> str:

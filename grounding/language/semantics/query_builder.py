@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple, cast, get_args
@@ -40,6 +41,14 @@ from grounding.vocabulary import ORDINALS, REFUSED, RELATIONS, Action, Manoeuvre
 
 # Kinds of distances that need no action to tell what they are.
 _DISTANCES: dict[str, DistanceRole] = {"descriptor": "descriptor", "kerb": "kerb"}
+# Words of a stop at the first room that there is.
+_WHEN_ROOM = re.compile(
+    r"\b(?:as soon as|whenever|when|once|until|till|wherever|where) [^.;]*?"
+    r"\b(?:room|space|spot|gap|place|parking|you can|possible|chance|opportunity)\b"
+    r"|\b(?:first|next|earliest) (?:opportunity|chance|possibility)\b"
+)
+# Relations to a vehicle that is not in our lane.
+_BESIDE = ("next_to", "left_of", "right_of")
 # Verbs that, alone, ask to drive on.
 _GOING = ("go", "drive", "move")
 
@@ -110,6 +119,8 @@ def _query(
     named = _referent(discourse, referent, frame, main.anaphora, relation) if referent is not None else None
     if named is not None and referent is not None and referent.number == 0 and _is_any(main, referent):
         named = replace(named, definite=False)
+    if named is not None and relation in _BESIDE and "own_lane" in named.qualifiers:  # "beside it in our lane"
+        named = replace(named, qualifiers=tuple(one for one in named.qualifiers if one != "own_lane"))
     query = Query(
         command=text,
         action=cast(Action, main.intent.action),
@@ -131,7 +142,14 @@ def _query(
         count=next((count for intent in by_priority if (count := _count(intent)) is not None), None),
     )
     goes = frame.verb_class in _GOING and query == Query(text, action="other", actions=("other",))
-    return replace(query, manoeuvre="onward") if goes else query  # "okay, go"
+    return replace(query, manoeuvre="onward") if goes or _seeks_room(query) else query  # "okay, go"
+
+
+def _seeks_room(query: Query) -> bool:
+    """Return whether a stop is to be made where there is room at last: "pull over as soon as there is room"."""
+    anywhere = query.referent is None and query.relation == "none" and query.manoeuvre is None
+    stops = query.action in ("park", "pull_over", "stop")
+    return stops and anywhere and _WHEN_ROOM.search(query.command.lower()) is not None
 
 
 def _is_any(main: MainIntent, referent: NounPhrase) -> bool:

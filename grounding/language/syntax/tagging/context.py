@@ -45,12 +45,20 @@ def ends_waiting(before: Sequence[Token], after: Sequence[Token]) -> bool:
     ends = CLAUSE_ENDS | {WordCategory.COMMA, WordCategory.AND, WordCategory.REGION, WordCategory.THING}
     conjunctions = [token for token in before if token.category is WordCategory.SUB]
     return (
-        category_at(before, -1) is WordCategory.BE
+        (category_at(before, -1) is WordCategory.BE or _is_short_for_be(before[-1:]))
         and bool(conjunctions)
         and conjunctions[-1].value in ("until", "when")
         and (last is None or last.category in ends)
-        and category_at(before, -2) in HEADS | {WordCategory.PRONOUN, WordCategory.BE}
+        and (
+            category_at(before, -2) in HEADS | {WordCategory.PRONOUN, WordCategory.BE}
+            or _is_short_for_be(before[-1:])
+        )
     )
+
+
+def _is_short_for_be(last: Sequence[Token]) -> bool:
+    """Return whether a token is a pronoun with its verb: "they're"."""
+    return any(one.category is WordCategory.PRONOUN and one.text.endswith(("'s", "'re")) for one in last)
 
 
 def as_passing(token: Token) -> Token:
