@@ -31,9 +31,18 @@ from grounding.referent.resolver import (
     with_partner,
 )
 from grounding.referent.scene import SceneModel
-from grounding.requests import Request, after_passing, after_turns, into_its_lane, requests_of, without_referent
+from grounding.requests import (
+    HOLDING,
+    Request,
+    after_passing,
+    after_turns,
+    into_its_lane,
+    requests_of,
+    without_referent,
+)
 from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
+from grounding.scene_object import SceneObject
 
 # Log scores of readings without a referent and without a goal: these rank below all others.
 _NO_REFERENT_SCORE, _NO_GOAL_SCORE = -200.0, -100.0
@@ -97,7 +106,7 @@ def answer_steps(
         turned = start is not None and steps[-1].query.direction in ("left", "right")
         if steps and not turned:
             request = into_its_lane(_about_the_same(request, steps[-1]), steps[-1].referent, scene)
-        step = answer_step(request, scene, limit=limit, start=start, turned=turned)
+        step = answer_step(request, scene, limit=limit, start=start, turned=turned, gone=_gone_after(steps))
         steps.append(step if start is None else _later_beyond_map(step, scene, start))
         if (target := steps[-1].target) is not None:
             start = Pose2D(float(target.ego_m[0]), float(target.ego_m[1]), target.heading_ego_rad)
@@ -129,6 +138,12 @@ def _about_the_same(request: Request, before: Answer) -> Request:
     described = request.query.referent is not None and request.query.referent == before.query.referent
     known = before.referent is not None and before.referent.partner is None
     return replace(request, chosen=before.referent) if described and known and request.chosen is None else request
+
+
+def _gone_after(steps: Sequence[Answer]) -> tuple[SceneObject, ...]:
+    """Return the vehicles that have left or passed once some steps are done."""
+    awaited = [one for one in steps if one.query.trigger in ("leave", "pass") and one.query.action in HOLDING]
+    return tuple(one.referent.item for one in awaited if one.referent is not None)
 
 
 def _later_beyond_map(step: Answer, scene: SceneModel, start: Pose2D) -> Answer:
@@ -178,37 +193,6 @@ def accept_proposal(request: Request, answer: Answer) -> Request:
     return replace(request, chosen=chosen, held=held, shifts=() if held else request.shifts)
 
 
-def reconcile(answer: Answer, rival: Answer) -> Answer:
-    """Return an answer that another reading of the sentence confirms, else the question which of the two is meant."""
-    answer, *_ = answer.alternatives or (answer,)
-    rival, *_ = rival.alternatives or (rival,)
-    if _means_the_same(answer, rival):
-        return replace(answer, reasons=(*answer.reasons, "the language model reads the same"))
-    options = tuple(one for one in (answer, rival) if one.status != "not_a_command")
-    phrases = " or ".join(f"'{describe_step(one.query, one.referent, one.scene)}'" for one in options)
-
-    asked = Answer(
-        status="ambiguous",
-        reading=options[0].reading,
-        scene=answer.scene,
-        reasons=("the grammar and the language model read the sentence differently",),
-        question=f"do you mean {phrases}?",
-        alternatives=options,
-        dropped=answer.dropped,
-    )
-    return replace(asked, chooser=partial(pick, asked.alternatives, name="reading"))
-
-
-def _means_the_same(answer: Answer, other: Answer) -> bool:
-    """Return whether two answers have the same action, relation, side and vehicle."""
-    if (answer.query.action, answer.query.relation) != (other.query.action, other.query.relation):
-        return False
-    if (answer.query.goal_side, answer.query.direction) != (other.query.goal_side, other.query.direction):
-        return False
-    ids = [one.referent.item.id if one.referent else None for one in (answer, other)]
-    return answer.status == other.status and ids[0] == ids[1]
-
-
 def answer_step(
     request: Request,
     scene: SceneModel,
@@ -216,6 +200,7 @@ def answer_step(
     start: Pose2D | None = None,
     *,
     turned: bool = False,
+    gone: Sequence[SceneObject] = (),
 ) -> Answer:
     """Answer one step: resolve its referent and plan its goal.
 
@@ -225,6 +210,7 @@ def answer_step(
         limit: largest number of candidates.
         start: pose of the ego when the step begins; None: where it is now.
         turned: whether the step before turns off to `start`, from where its vehicle is then seen.
+        gone: vehicles that are not there any more when the step begins.
 
     Raises:
         AppoccError: if the scene has no map.
@@ -233,6 +219,7 @@ def answer_step(
     reading, road = request.reading, scene.road if start is None else scene.road_from(start)
     if road is None:
         raise AppoccError("grounder: expected a scene with a map, got one without")
+    road = road.without(gone) if gone and start is None else road
     resolution = _resolve(request, scene, limit, start if turned else None)
     if resolution.status != "ok" and request.query.action == "slow_down" and request.query.relation == "none":
         return answer_step(without_referent(request, resolution.reasons), scene, limit, start)
@@ -250,7 +237,7 @@ def answer_step(
         )
     exclusions = resolve_exclusions(request.query, scene)
     planned = [
-        (referent, _plan(request, scene, road, referent, exclusions, start))
+        (referent, _plan(_in_its_place(request, referent, gone, scene), scene, road, referent, exclusions, start))
         for referent in _goal_candidates(request, resolution)
     ]
     referent, goal_plan = max(planned, key=lambda pair: _log_score(*pair))
@@ -321,6 +308,16 @@ def _goal_candidates(request: Request, resolution: Resolution) -> Sequence[Candi
     return resolution.candidates[: 1 if one_only else _MAX_GOAL_CANDIDATES] or (None,)
 
 
+def _in_its_place(
+    request: Request, candidate: Candidate | None, gone: Sequence[SceneObject], scene: SceneModel
+) -> Request:
+    """Return a step at a vehicle that has left as one in its place: "when it's gone, pull up where it is now"."""
+    item = candidate.item if candidate is not None and candidate.item in gone else None
+    if item is None or request.query.relation not in ("at", "same_as") or request.held is not None:
+        return request
+    return replace(request, held=HeldPose(scene.world_xy(item.centre_m), scene.world_heading(item.yaw_rad)))
+
+
 def _plan(
     request: Request,
     scene: SceneModel,
@@ -339,7 +336,9 @@ def _plan(
         landmark = query.secondary[0].noun.replace("_", " ")
         relation, one = query.relation.replace("_", " "), with_article(landmark)
         reason = f"'{relation}' is measured from {one}, which the map does not hold"
-        return GoalPlan(None, (reason,), nearest=goal_plan.target)
+        turns = query.action == "turn" and query.direction in ("left", "right") and goal_plan.target is not None
+        question = f"shall we turn {query.direction} all the same?" if turns else ""
+        return GoalPlan(None, (reason,), nearest=goal_plan.target, question=question)
     if request.shifts and goal_plan.target is None:
         second = plan_with_second_best(query, goal_plan, scene, road, item)
         goal_plan = second if second.target is not None else goal_plan  # the place that is in force

@@ -15,12 +15,13 @@ from appocc.checks import FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import AppoccError, DataError
 from grounding.answer import Answer
-from grounding.answering import answer_reading, reconcile
+from grounding.answering import answer_reading
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.session import Session
 from grounding.dialogue.telling.questions import answer_question
 from grounding.language import Lexicon, Reading, parse_all, read_lexicon
 from grounding.query import Referent
+from grounding.reconciling import reconcile
 from grounding.referent.resolver import MAX_CANDIDATES
 from grounding.referent.scene import SceneModel, scene_from_boxes, scene_from_map, scene_from_tracks
 from grounding.road.landmarks import Landmarks

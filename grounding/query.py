@@ -237,6 +237,14 @@ class Query:
         passed = next((one for one in self.excluded if one.relation == "past"), None)
         return passed if self.action == "stop" and self.relation == "before" else None
 
+    def at_excluded(self) -> Query:
+        """Return a place before or past nothing as one at the landmark where we are not to stop: "stop after it"."""
+        thing = next((one.noun for one in self.excluded if one.relation is None and one.noun in LANDMARK_KINDS), None)
+        alone = self.landmark is None and self.referent is None and not self.secondary
+        if thing is None or not alone or self.relation not in ("before", "past"):
+            return self
+        return replace(self, landmark="secondary", secondary=(Landmark(thing, self.relation),), excluded=())
+
     @property
     def pace(self) -> Pace | None:
         """What a command without a place asks for: "slow down", "faster", "wait"; None if it asks for a place."""

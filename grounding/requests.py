@@ -18,6 +18,8 @@ from grounding.vocabulary import PASSING_ACTIONS
 
 # Actions of a stop.
 STOPS = ("park", "stop", "pull_over", "approach")
+# Actions that hold us up for somebody or something.
+HOLDING = ("wait", "give_way")
 
 
 @dataclass(frozen=True, eq=False)

@@ -189,7 +189,10 @@ def _about_focus(talk: Conversation, query: Query) -> Query:
     if counted is not None and one is not None and one.anaphora and find_ordinals(one.qualifiers):
         of_all = tuple(word for word in counted.qualifiers if word not in one.qualifiers)
         return replace(query, referent=replace(one, qualifiers=(*of_all, *one.qualifiers)))
-    named = query.referent or query.secondary or query.unresolved or query.relation != "none"
+    near_it = query.relation == "near" and query.landmark is None  # "stop as near as you can"
+    named = query.referent or query.secondary or query.unresolved or (query.relation != "none" and not near_it)
+    if near_it and not named and talk.antecedent is not None:
+        return replace(query, referent=replace(talk.antecedent, anaphora=True), landmark="referent")
     if query.action not in _OF_VEHICLES or named or talk.antecedent is None:
         return query
     return replace(query, referent=replace(talk.antecedent, anaphora=True))

@@ -27,7 +27,9 @@ def is_misunderstood(answer: Answer) -> bool:
     reading = answer.reading
     if answer.status == "ambiguous":
         return bool(reading.doubt)
-    return answer.status != "ok" and not answer.plan.refused and bool(reading.problem or reading.dropped)
+    unmapped = answer.query.landmark == "secondary" and answer.query.action is not None  # "take me to the airport"
+    failed = answer.status != "ok" and not answer.plan.refused and not unmapped
+    return failed and bool(reading.problem or reading.dropped)
 
 
 def names_no_place(answer: Answer) -> bool:

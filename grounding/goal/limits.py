@@ -8,7 +8,7 @@ import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.geometry import wrap_angle
-from appocc.motion_state import DRIVING_MPS
+from appocc.motion_state import DRIVING_MPS, MOVING_MPS
 from grounding.query import Query
 from grounding.road.car_paths import MOST_BACK_M
 from grounding.road.free_space import gap_m
@@ -22,6 +22,8 @@ OTHER_SIDE, JUNCTION, BEHIND_US, TURNED = 64, 128, 256, 512
 WAITING_ACTIONS, PARKING_ACTIONS = ("park", "pull_over", "wait"), ("park", "pull_over")
 # Actions that only go forward, and how much more reversing costs there.
 _FORWARD_ACTIONS, _ONLY_FORWARD = ("follow", "change_lane", "overtake"), 6.0
+# Relations of a place beyond a vehicle that we pass: there is no need to back up to it.
+_BEYOND = ("past", "in_front_of")
 # A goal farther behind us is one that nobody expects.
 _BEHIND_M = 8.0
 # A goal nearer than this that heads farther away than this angle turns us on the spot.
@@ -38,6 +40,8 @@ _BACKWARDS, _GEAR, _LITTLE_BACK_M, _SAME_WAY = 0.25, 0.3, 0.3, 0.7
 _CLEAR_M = 2.0
 # A parked ego farther than this from the edge of the road stands in the way of others.
 _AT_EDGE_M, _SIDE_M = 1.6, 6.0
+# A place this near to us is where we are.
+_HERE_M = 1.0
 # Places on the footprint that are tested, as shares of its length and width.
 _FOOTPRINT = np.stack(np.meshgrid(np.linspace(-0.5, 0.5, 7), np.linspace(-0.5, 0.5, 3)), axis=-1).reshape(-1, 2)
 
@@ -79,7 +83,7 @@ class PlaceLimits:
             clear_m=_CLEAR_M if query.action in PARKING_ACTIONS else 0.0,
             not_behind=not asks_back,
             most_back_m=max(MOST_BACK_M, (query.distance_m or 0.0) + _BACK_MORE_M) if backs else MOST_BACK_M,
-            only_forward=query.action in _FORWARD_ACTIONS,
+            only_forward=query.action in _FORWARD_ACTIONS or (query.relation in _BEYOND and query.action != "park"),
         )
 
     def flags(self, road: RoadMap, cells: IntArray, heading_rad: FloatArray) -> IntArray:
@@ -89,7 +93,11 @@ class PlaceLimits:
             found |= OTHER_SIDE * road.is_oncoming_side(cells, heading_rad)
         if self.clear_of_junctions:
             near = road.junction_distance_m[tuple(cells.T)] <= self.clear_m
-            found |= JUNCTION * (near | _touches(road.crossings, road, cells, heading_rad))
+            moved_m = np.hypot(*(road.grid.centre_of(cells) - road.start.xy_m).T)
+            here = (moved_m < _HERE_M) & (
+                np.abs(road.speed_mps or 0.0) < MOVING_MPS
+            )  # who stands there may wait there
+            found |= JUNCTION * ((near | _touches(road.crossings, road, cells, heading_rad)) & ~here)
         if self.not_behind:
             offset = road.grid.centre_of(cells) - road.start.xy_m
             found |= BEHIND_US * (offset @ road.start.ahead < -_BEHIND_M)

@@ -69,7 +69,7 @@ class CandidateSearch:
         self._limits = limits
         self._out_of_reach: list[tuple[FloatArray, float]] = []
         self.candidate_sets = [each for each in candidate_sets if len(each.cells)]
-        self.scene, self.road, self._references, self.excluded = scene, road, references, excluded
+        self.scene, self.road, self.references, self.excluded = scene, road, references, excluded
         self._words = [each.words for each in candidate_sets]
 
     @cached_property
@@ -234,6 +234,6 @@ class CandidateSearch:
     def _explain_taken(self, item: SceneObject | None, gap_m: float) -> str:
         if item is None or gap_m > _MAX_TAKER_GAP_M:
             return "is taken by a vehicle of the map"
-        if any(one.id == item.id for one in self._references):
+        if any(one.id == item.id for one in self.references):
             return "comes too close to the vehicle itself"
         return f"is taken by the {self.scene.colour_name(item) or ''} {item.class_name}".replace("  ", " ")

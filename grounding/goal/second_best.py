@@ -18,6 +18,7 @@ from grounding.query import Query
 from grounding.referent.scene import SceneModel
 from grounding.road.free_space import OFF_MAP
 from grounding.road.kerb import kerb_gap_m
+from grounding.road.lane_model import LANE_M
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
 from grounding.vocabulary import PASSING_ACTIONS, Relation
@@ -68,9 +69,16 @@ def plan_with_second_best(
             word = query.relation.replace("_", " ")
             return replace(stopped, reasons=(f"there is no room {word} it in its line", *stopped.reasons))
     nearest = _find_edge_place(query, plan, scene, road, item) if query.action in PARKING else None
+    if nearest is None and query.action in PARKING and query.relation in _IN_LINE:
+        ours = _plan_in_our_lane(query, scene, road, item).target
+        if ours is not None:
+            question = f"there is no room there: shall we stop in our lane, {_describe(ours, item)}?"
+            return replace(plan, nearest=ours, question=question)
     if nearest is None:
         plan = with_nearest(plan)
         nearest = _close_enough(plan.nearest, item) if query.action in (*PARKING, *_STOPPING) else None
+        if nearest is not None and query.action in PARKING and _is_in_another_lane(nearest, road):
+            nearest = None
     if nearest is None:
         return plan
     verb = (query.action or "stop").replace("_", " ")
@@ -130,10 +138,12 @@ def _plan_to_end_of_map(plan: GoalPlan, scene: SceneModel, road: RoadMap) -> Goa
     if search is None or road.ego_lane.at_road_end or search.explain_failure()[1] != OFF_MAP:
         return None
     up_to = DistanceRange(end_m - _BEFORE_END_M, end_m - road.ego.length_m / 2, end_m)
+    road = road.after_traffic() or road
     found, way = CandidateSearch(ego_lane.propose_in_lane(road, up_to, "in our lane"), scene, road).find_reachable()
     if not found or way is None:
         return None
-    reasons = (*plan.reasons, "the place lies beyond the map: we go to the end of the map for now")
+    told = plan.reasons if search.references else ()
+    reasons = (*told, "the place lies beyond the map: we go to the end of the map for now")
     return replace(plan, target=to_target(found[0], scene, road), way=way, reasons=reasons)
 
 
@@ -195,6 +205,12 @@ def _consequences(query: Query, place: Target, road: RoadMap) -> str:
     elif aside_m > _ASIDE_M:
         told.append(f"{np.hypot(along_m, aside_m):.0f} m from here")
     return "".join(f", {words}" for words in told)
+
+
+def _is_in_another_lane(place: Target, road: RoadMap) -> bool:
+    """Return whether a place is in the road, and not in our lane."""
+    in_road = is_in_the_road(place.cell, place.heading_ego_rad, road)
+    return in_road and abs(float(road.lateral_m[place.cell])) > LANE_M / 2
 
 
 def _close_enough(nearest: Target | None, item: SceneObject) -> Target | None:

@@ -39,6 +39,12 @@ def keeps_distance(query: Query, item: SceneObject, road: RoadMap) -> bool:
     return avoids and (item.speed_mps or 0.0) > DRIVING_MPS and _drives_before_us(item, road)
 
 
+def gap_now_m(item: SceneObject, road: RoadMap) -> float:
+    """Return the gap between us and a vehicle ahead of us along our lane, bumper to bumper."""
+    along_m = float(road.ego_lane.project(item.centre_m)[0])
+    return along_m - (item.length_m + road.ego.length_m) / 2
+
+
 def is_caught_up_with(query: Query, item: SceneObject, road: RoadMap) -> bool:
     """Return whether to approach a vehicle is to get behind it, since it drives on ahead of us."""
     towards = query.action == "approach" and query.relation in TOWARDS

@@ -71,6 +71,8 @@ _WHICH = (("which", "is"), ("which", "was"))
 _ARE = re.compile(r"(?<=\w)'re\b|(?<=\byou)re\b|(?<=\bthey)re\b")
 # "How far's the van?"
 _HOW_IS = re.compile(r"\b(how \w+)'s\b")
+# A mark that is said several times at the end.
+_MARKS_AGAIN = re.compile(r"([?!.])(?: ?[?!.])+$")
 # A thing that is named before the question about it: "what about the yellow one, is it parked?"
 _TOPIC = re.compile(
     r"^((?:and |but |so |ok(?:ay)?,? |well,? )*)(?:(?:what|how) about )?((?:the|that|this|those) [^,.;!?]{2,60}?),? "
@@ -157,7 +159,7 @@ def read_question(text: str, lexicon: Lexicon | None = None) -> Question | None:
     if len(text) > MAX_CHARACTERS or as_condition(normalise(text)):
         return None
     lexicon = lexicon or default_lexicon()
-    full = _HOW_IS.sub(r"\1 is", _ARE.sub(" are", normalise(text)))
+    full = _HOW_IS.sub(r"\1 is", _ARE.sub(" are", _MARKS_AGAIN.sub(r"\1", normalise(text))))
     full = _TOPIC_LATER.sub(r"\1\3\2", _TOPIC.sub(r"\1\3 \2", full))
     written = tuple(respelled(WORD.findall(full), lexicon))
     words = tuple(word.replace("'", "") for word in written)

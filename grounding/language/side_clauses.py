@@ -5,6 +5,7 @@ The command is read from the other words alone, so that nothing takes its place 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -38,6 +39,18 @@ _TELLING = (
     | POLARITY
     | {WordCategory.VERB, WordCategory.MEANWHILE, WordCategory.WHERE, WordCategory.HERE, WordCategory.THERE}
     | {WordCategory.RELATION, WordCategory.ONE, WordCategory.STATE, WordCategory.QUESTION}
+)
+# What is told of the children who ride with us, and not of others at a place.
+_OF_PASSENGERS = re.compile(
+    r"(?:,| because| while| as| since|\.) ((?:the|my|our) (?:kids?|children|baby|little ones|boys|girls|family)"
+    r" (?:are|is|were|was|need|needs|get|gets|have|has|want|wants|feel|feels|buckle|buckles|put|puts|finish|fell)\b"
+    r"(?! (?:crossing|walking|standing|running|going|coming|playing|on|at|in|near|by|over|out)\b)[^,.;]*)"
+)
+# A place and what it is for, which is not planned.
+_PLACE_FOR = re.compile(
+    r"\b(somewhere|anywhere|a place|a spot)(?: that| where)?"
+    r" (?:(?:the|my|our) \w+|we|i|you|they|nobody|no one|he|she)"
+    r" (?:can|can't|cannot|could|won't|will|don't|doesn't|wouldn't)\b"
 )
 # Words before what a place is for, and categories of what we do there.
 _WHERE_WE_CAN = ("where i can", "where we can", "where you can", "where they can", "where she can", "where he can")
@@ -80,6 +93,10 @@ def split_purpose(text: str, tokens: Sequence[Token]) -> Split | None:
     at = next((i for i, one in enumerate(clauses) if i and one.connective == "so" and _begins_purpose(one)), None)
     if at is not None:
         return _split(text, clauses, at)
+    if (riding := _OF_PASSENGERS.search(text)) is not None:
+        return Split(f"{text[: riding.start()]} {text[riding.end() :]}".strip(), riding[1])
+    if (place := _PLACE_FOR.search(text)) is not None:
+        return Split(text[: place.end(1)], text[place.end(1) :].strip())
     where = next(
         (one for one, after in pairwise(tokens) if one.text in _WHERE_WE_CAN and after.category in _DOING), None
     )

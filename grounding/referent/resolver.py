@@ -4,22 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
-from grounding.query import Landmark, Query, Referent
+from grounding.query import Query, Referent
 from grounding.referent.choice_reasons import DOUBTFUL_FIT, explain_choice, explain_nearer, explain_too_few
 from grounding.referent.clarification import compose_question, describe_differences, describe_one
 from grounding.referent.doubts import fits_badly, lacks_class, question_about
-from grounding.referent.fuzzy import gaussian
 from grounding.referent.ordinals import find_ordinals
+from grounding.referent.pairs import Choice, gap_m, in_line, rank_pairs, without_chains
 from grounding.referent.predicates import to_referent
 from grounding.referent.rows import end_of_row, is_group, lacks_leader, names_queue
 from grounding.referent.scene import SceneModel
 from grounding.referent.scoring import ReferentScores, note_unmapped, score_objects
 from grounding.referent.sought import by_vehicle, with_sought_referent
-from grounding.referent.spatial_relations import fit_between, fit_relation, footprint_gap_m, is_parted
 from grounding.road.pose import Pose2D
 from grounding.scene_object import SceneObject
 from grounding.vocabulary import COLOURS, KNOWN_NOUNS, PERSON_NOUNS
@@ -37,10 +36,6 @@ _AT_VEHICLE_FIT = 0.25
 _LEAST_ORDINAL_PROBABILITY = 0.05
 # Below this no object fits a word.
 _LACKING_FIT = 0.12
-# The two of a pair are this close; factors for pairs between which no car fits, and a third vehicle stands.
-_PAIR_SIGMA_M, _NO_ROOM, _PARTED, _MAX_PAIRS = 10.0, 0.1, 0.02, 40
-# Least fit of the other end of a pair in its relation to the first.
-_LEAST_PARTNER_FIT = 0.02
 
 ResolutionStatus = Literal["ok", "ambiguous", "not_found"]
 
@@ -79,14 +74,6 @@ class Resolution:
     reasons: tuple[str, ...]
     question: str = ""
     differences: tuple[str, ...] = ()
-
-
-class _Choice(NamedTuple):
-    """An object or a pair, by rows of the object table; `partner` is -1 for a single object."""
-
-    row: int
-    partner: int
-    score: float
 
 
 def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Resolution:
@@ -133,8 +120,15 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
         for one in choices
         if one.score > least_score and fit[one.row] >= least_fit and (not is_named or _is_named(referent, one, scene))
     ]
+    if len(tied) > 1 and tied[0].partner >= 0 and query.relation == "between":
+        roomy = [one for one in tied if gap_m(one, scene) >= scene.ego.length_m and in_line(one, scene)]
+        if not roomy:
+            return Resolution(
+                "not_found", (), (f"no two that fit '{referent.phrase()}' leave room for us", *scores.notes)
+            )
+        tied, choices = roomy, [*roomy, *(one for one in choices if one not in roomy)]
     if len(tied) > 1 and referent.definite and not is_group(referent, [one.row for one in tied], scene):
-        listed = _candidates(_without_chains(tied)[:limit], scene, scores)
+        listed = _candidates(without_chains(tied)[:limit], scene, scores)
         asked = _ambiguous(referent, listed, len(tied), scene, scores)
         absent = all(lacks_class(referent, one.row, _fits_of(one, scores), scene) for one in tied)
         none_seen = f"no {referent.head} is seen: " if absent else ""
@@ -172,8 +166,8 @@ def resolve_after_turn(query: Query, scene: SceneModel, after: Pose2D, limit: in
 
 
 def _at_end_of_row(
-    query: Query, referent: Referent, choices: list[_Choice], scene: SceneModel, scores: ReferentScores
-) -> tuple[list[_Choice], str]:
+    query: Query, referent: Referent, choices: list[Choice], scene: SceneModel, scores: ReferentScores
+) -> tuple[list[Choice], str]:
     """Return the end of the row that several vehicles form, and why it is taken; else the choices, and ''."""
     least_fit = _TIE_FIT * scores.fit[choices[0].row]
     fitting = [one.row for one in choices if scores.fit[one.row] >= least_fit]
@@ -186,14 +180,14 @@ def _at_end_of_row(
     return [chosen], f"it is at the end of a row of {found[1]} that fit '{referent.phrase()}'"
 
 
-def _with_named_first(referent: Referent, choices: list[_Choice], scene: SceneModel) -> list[_Choice]:
+def _with_named_first(referent: Referent, choices: list[Choice], scene: SceneModel) -> list[Choice]:
     """Return choices with those first that people call just so, if they score nearly as the best one."""
     rivals = [one for one in choices if one.score > choices[0].score - _NAMED_MARGIN]
     named = [one for one in rivals if _is_named(referent, one, scene)]
     return [*named, *(one for one in choices if one not in named)]
 
 
-def _is_named(referent: Referent, choice: _Choice, scene: SceneModel) -> bool:
+def _is_named(referent: Referent, choice: Choice, scene: SceneModel) -> bool:
     """Return whether people call an object by the very noun and colour."""
     item = scene.table.items[choice.row]
     shown = scene.colour_name(item) or ""
@@ -202,7 +196,7 @@ def _is_named(referent: Referent, choice: _Choice, scene: SceneModel) -> bool:
 
 
 def _ask_about_fitting(
-    query: Query, referent: Referent, choices: Sequence[_Choice], scene: SceneModel, scores: ReferentScores
+    query: Query, referent: Referent, choices: Sequence[Choice], scene: SceneModel, scores: ReferentScores
 ) -> tuple[tuple[Candidate, ...], str] | None:
     """Return the best object that all words fit and that is out of sight, and the question about it; else None."""
     for one in choices:
@@ -254,7 +248,7 @@ def _ask_antecedent(query: Query, scene: SceneModel, limit: int) -> Resolution:
     choices = _rank_choices(query, any_vehicle, scene, scores) if scores and scores.matches.any() else []
     if scores is None or not choices:
         return Resolution("not_found", (), (reason,))
-    candidates = _candidates(_without_chains(choices)[:limit], scene, scores)
+    candidates = _candidates(without_chains(choices)[:limit], scene, scores)
     if len(candidates) == 1:
         described = describe_one(candidates[0].item, scene)
         return Resolution("ambiguous", candidates, (reason,), f"do you mean {described}?", (described,))
@@ -271,51 +265,22 @@ def _explain_absence(referent: Referent, scene: SceneModel) -> str:
     return ""
 
 
-def _rank_choices(query: Query, referent: Referent, scene: SceneModel, scores: ReferentScores) -> list[_Choice]:
+def _rank_choices(query: Query, referent: Referent, scene: SceneModel, scores: ReferentScores) -> list[Choice]:
     """Return the matching objects or pairs, best first."""
     named = [part for part in query.secondary if part.relation == "between" and part.of == "goal"]
     between = [part for part in named if part.noun in KNOWN_NOUNS]
     if referent.number != 2 and (query.relation != "between" or (named and not between)):
         rows = np.flatnonzero(scores.matches)
         order = rows[np.argsort(-scores.log_score[rows], kind="stable")].tolist()
-        return [_Choice(i, -1, float(scores.log_score[i])) for i in order]
-    return _rank_pairs(query, between, scene, scores)
+        return [Choice(i, -1, float(scores.log_score[i])) for i in order]
+    return rank_pairs(query, between, scene, scores)
 
 
-def _rank_pairs(
-    query: Query, between: Sequence[Landmark], scene: SceneModel, scores: ReferentScores
-) -> list[_Choice]:
-    """Return pairs of objects, best first: the referent and the other end of "between", or two referents."""
-    table = scene.table
-    other = score_objects(Query(""), to_referent(between[0]), scene) if between else scores
-    rows = np.flatnonzero(scores.matches | other.matches)
-    if query.relation == "between":
-        fit, least = fit_between(table, rows), np.where(is_parted(table, rows), _PARTED, _NO_ROOM)
-    else:
-        fit, least = gaussian(footprint_gap_m(table, rows)[rows], _PAIR_SIGMA_M), np.array(_NO_ROOM)
-    score = scores.log_score[rows, None] + other.log_score[rows] + np.log(least + (1 - least) * fit)
-    for part in query.secondary:
-        if part.of == "partner":  # "between the van and the car behind it"
-            score += np.log(fit_relation(part.relation, table, rows)[rows].T + _LEAST_PARTNER_FIT)
-    possible = scores.matches[rows, None] & other.matches[rows] & ~np.eye(len(rows), dtype=np.bool_)
-    if not between:
-        possible = np.triu(possible)
-    first, second = np.nonzero(possible)
-    best = np.argsort(-score[first, second], kind="stable")[:_MAX_PAIRS]
-    first, second = first[best], second[best]
-    value, first, second = score[first, second], rows[first], rows[second]
-    if not between:
-        # The better one of two referents comes first.
-        swap = scores.log_score[first] < scores.log_score[second]
-        first, second = np.where(swap, second, first), np.where(swap, first, second)
-    return [_Choice(*each) for each in zip(first.tolist(), second.tolist(), value.tolist(), strict=True)]
-
-
-def _fits_of(choice: _Choice, scores: ReferentScores) -> dict[str, float]:
+def _fits_of(choice: Choice, scores: ReferentScores) -> dict[str, float]:
     return {word: float(fit[choice.row]) for word, fit in scores.word_fits.items()}
 
 
-def _candidates(choices: Sequence[_Choice], scene: SceneModel, scores: ReferentScores) -> tuple[Candidate, ...]:
+def _candidates(choices: Sequence[Choice], scene: SceneModel, scores: ReferentScores) -> tuple[Candidate, ...]:
     items = scene.table.items
     return tuple(
         Candidate(
@@ -356,18 +321,6 @@ def _shared_by_all(candidates: Sequence[Candidate]) -> SceneObject | None:
     return None
 
 
-def _without_chains(tied: Sequence[_Choice]) -> list[_Choice]:
-    """Return tied choices; of pairs, those with no vehicle in common, or else those with the same one in common."""
-    if tied[0].partner < 0:
-        return list(tied)
-    apart: list[_Choice] = []
-    for one in tied:
-        if not any({one.row, one.partner} & {other.row, other.partner} for other in apart):
-            apart.append(one)
-    sharing = [[one for one in tied if row in (one.row, one.partner)] for row in (tied[0].row, tied[0].partner)]
-    return apart if len(apart) > 1 else max(sharing, key=len)
-
-
 def _not_found(query: Query, referent: Referent, scene: SceneModel, scores: ReferentScores, limit: int) -> Resolution:
     """Return the near misses, and the words that no object fits."""
     word_fits = np.stack(list(scores.word_fits.values()))
@@ -379,7 +332,7 @@ def _not_found(query: Query, referent: Referent, scene: SceneModel, scores: Refe
     # The mean ranks objects that miss one word before objects that miss all.
     order = np.lexsort((scene.table.distance_m, -word_fits.mean(axis=0).round(1)))[: limit // 2]
     product = np.log(scores.fit + 1e-9)
-    misses = [_Choice(i, -1, float(product[i])) for i in order.tolist()]
+    misses = [Choice(i, -1, float(product[i])) for i in order.tolist()]
     return Resolution("not_found", _candidates(misses, scene, scores), (*reasons, *scores.notes))
 
 

@@ -50,7 +50,9 @@ def _is_measure(part: Landmark) -> bool:
 
 
 def _drives(query: Query, referent: Referent) -> bool:
-    """Return whether a person is the driver of a vehicle: "let the guy behind us overtake"."""
+    """Return whether a person is the driver of a vehicle: "let the guy behind us overtake", "pass this slow guy"."""
+    if query.action == "overtake" and referent.noun in PERSON_NOUNS:
+        return True
     traffic = query.action in _TRAFFIC_ACTIONS and referent.noun in PERSON_NOUNS
     placed = referent.in_line or not _TRAFFIC_PLACES.isdisjoint(referent.qualifiers)
     return traffic and (placed or query.trigger == "merge")

@@ -18,12 +18,11 @@ from grounding.language.syntax.phrase_patterns import WORD
 from grounding.language.syntax.tokenizer import normalise
 from grounding.query import Query, Referent
 from grounding.referent.resolver import find_all
-from grounding.requests import STOPS, Request, after_turns, requests_of
+from grounding.requests import HOLDING, STOPS, Request, after_turns, requests_of
 from grounding.vocabulary import PASSING_ACTIONS, POSITIONS
 
-# Actions that lead around a vehicle, and those that hold until an event comes.
+# Actions that lead around a vehicle.
 _PASSING = (*PASSING_ACTIONS, "avoid")
-HOLDING = ("wait", "give_way")
 _ARTICLES = ("the", "that", "this", "our", "my", "a", "your")
 # Who is dropped at a place.
 _PASSENGERS = ("me", "us", "him", "her", "them")

@@ -15,7 +15,6 @@ from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import has_verb, is_understood, refers_to_place
 from grounding.dialogue.memory import Memory
 from grounding.dialogue.merging import names_place
-from grounding.dialogue.plans.steps import HOLDING
 from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.telling.reports import aside, notice
 from grounding.dialogue.telling.things import find_told
@@ -24,7 +23,7 @@ from grounding.language.conditions import tells_cases
 from grounding.language.questions import asks_car
 from grounding.language.replies import words_after_opening, words_end
 from grounding.query import Query, Referent
-from grounding.requests import STOPS, Request, requests_of
+from grounding.requests import HOLDING, STOPS, Request, requests_of
 from grounding.vocabulary import LANDMARK_KINDS
 
 _SENTENCE = re.compile(r"(?<=[.!?])\s+(?=\S)")
@@ -106,6 +105,8 @@ def _answer_wait(talk: Conversation, text: str, last: str) -> Answer | None:
     someone = any(one.query.referent is not None and one.query.referent.noun == "person" for one in waits)
     if awaited.supposed and someone and talk.read(" ".join(words)).condition:
         return None  # "stop if somebody crosses": no one in sight is meant
+    if steps[-1].query.action == "follow" and _stops_with(awaited, waits[0]):
+        return _keep(talk, text, "to follow it is to stop behind it when it stops")
     if awaited.supposed and awaited.command is not None and awaited.command.query.action not in HOLDING:
         then = [_about_meant(talk, one) for one in requests_of(said(awaited.command, text))]
         return talk.take((*steps, *waits, *then))
@@ -139,13 +140,22 @@ def _about_meant(talk: Conversation, step: Request) -> Request:
     plain = step.query.unresolved or (named is not None and not (named.colour or named.qualifiers))
     points = plain and not any(one.category in (WordCategory.NOUN, WordCategory.PERSON) for one in tokens)
     asked = talk.last_told.question.kind if talk.last_told is not None else ""
-    coming = find_told(talk)[:1] if points and step.query.trigger == "pass" and asked == "coming" else []
+    coming = find_told(talk) if points and step.query.trigger == "pass" and asked == "coming" else []
+    first = talk.state.goal.plan.passes_first if talk.state.goal is not None else None
+    coming = [one for one in coming if one.item == first] or coming
     if coming:
         vehicle = Referent(coming[0].item.class_name, coming[0].item.common_name)
         query = replace(step.query, referent=vehicle, landmark="referent", unresolved="")
         return replace(step, chosen=coming[0], reading=step.reading.with_query(query))
     bare = named is not None and named.anaphora and plain
     return replace(step, chosen=talk.meant) if bare and talk.meant is not None else step
+
+
+def _stops_with(awaited: Awaited, wait: Request) -> bool:
+    """Return whether we are to stop when the vehicle that we follow does: "and if it stops, stop too"."""
+    command = awaited.command.query if awaited.command is not None else None
+    stops = command is not None and command.action in ("stop", "wait") and command.relation == "none"
+    return stops and wait.query.trigger == "stop"
 
 
 def _await_coming(talk: Conversation, text: str, words: Words) -> Answer | None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.telling.measures import describe_time
 from grounding.dialogue.telling.reports import aside
 from grounding.dialogue.telling.things import NAMING
+from grounding.goal.turns import propose_side_road
 from grounding.language.questions import Question
 from grounding.referent.scene import SceneModel
 from grounding.road.landmarks import explain_unknown
@@ -29,6 +32,23 @@ def tell_landmarks(talk: Conversation, text: str, question: Question) -> Answer 
     number = next((ORDINALS[one.value] for one in tokens if one.value in ORDINALS), None)
     timed = "duration" in question.kinds
     return aside(talk, text, *_describe(kinds[0], None if question.kind == "count" else number, timed, talk.scene))
+
+
+def tell_ways(talk: Conversation, text: str, question: Question) -> Answer | None:
+    """Tell which roads branch off on the sides that a question names, or on both, and whether ours goes on."""
+    road = talk.scene.road
+    if road is None:
+        return None
+    said = [side for side in ("left", "right") if re.search(rf"\b{side}\b", text.lower())]
+    told = list[str]()
+    for side in said or ("left", "right"):
+        found, reasons = propose_side_road(road, side)
+        yes = ("yes: " if found else "no: ") if said else ""
+        told += [f"{yes}{reasons[0]}"] if reasons else []
+    if not said:
+        ends = "ends" if road.ego_lane.at_road_end else "goes on for"
+        told.append(f"our road {ends} {'in ' if ends == 'ends' else ''}{max(road.ego_lane.end_m, 0):.0f} m at least")
+    return aside(talk, text, *told)
 
 
 def _describe(kind: str, number: int | None, timed: bool, scene: SceneModel) -> list[str]:

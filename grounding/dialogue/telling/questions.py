@@ -14,7 +14,7 @@ from grounding.dialogue.telling.between import split_two, tell_apart, tell_betwe
 from grounding.dialogue.telling.comparing import tell_against_us, tell_compared
 from grounding.dialogue.telling.follow_ups import follow_up
 from grounding.dialogue.telling.found import BEFORE, tell_found
-from grounding.dialogue.telling.landmarks import tell_landmarks
+from grounding.dialogue.telling.landmarks import tell_landmarks, tell_ways
 from grounding.dialogue.telling.measures import (
     describe_change,
     describe_facing,
@@ -39,7 +39,7 @@ from grounding.dialogue.telling.reports import (
     tell_vehicle,
     unknown,
 )
-from grounding.dialogue.telling.room import tell_gap_between, tell_room, tell_room_at_each, tell_spot
+from grounding.dialogue.telling.room import answer_room, answer_spot, answer_tight, tell_gap_between, tell_room
 from grounding.dialogue.telling.stance import (
     names_one_beside_us,
     tell_beside,
@@ -67,11 +67,14 @@ _FOUND = ("exists", "place", "what", "which")
 _OF_ROOM = ("room", "gap", "tight", "spot")
 # Kinds of a question that only asks whether we move: "are we still standing?"
 _OF_OUR_MOTION = {"moving", "standing", "us", "slow"}
-# What is too small for us where there is room, and the other way round.
-_WRONG = {"yes": "nothing: there is room", "no": "there is no room"}
-_YES_NO, _TURNED = re.compile(r"^(?:yes|no)(?=[:,]|$)"), {"yes": "no", "no": "yes"}
 _AGES = re.compile(
     r"\b(?:kids?|child(?:ren)?|toddlers?|teenagers?|elderly|old (?:m[ae]n|lady|ladies|woman|people))\b"
+)
+_REMARK = re.compile(
+    r"^(?P<lead>\w.*? )(?P<thing>(?:the|that|this|those) (?:\w+ ){0,5}?\w+)[,.;:] "
+    r"(?P<ask>where(?: is|'s| are)|how far(?: away)? (?:is|are)|what colou?r is|can you see|do you see)"
+    r" (?:it|he|she|him|her|they|them)\b(?P<rest>[^,;.]*)$",
+    re.IGNORECASE,
 )
 _LATER = (f"{NOT_KNOWN}: what others will do",)
 _Teller = Callable[[Conversation, str, Question], Answer | None]
@@ -79,6 +82,7 @@ _Teller = Callable[[Conversation, str, Question], Answer | None]
 
 def answer_question(talk: Conversation, text: str) -> Answer | None:
     """Answer a question to the car; None for another sentence, and for what only its context tells."""
+    text = _with_topic(talk, text)
     question = read_question(text, talk.grounder.lexicon)
     follows = None if question is not None and question.kind else follow_up(talk, text)
     question = follows or question
@@ -99,9 +103,21 @@ def answer_question(talk: Conversation, text: str) -> Answer | None:
     return told
 
 
+def _with_topic(talk: Conversation, text: str) -> str:
+    """Return a question about a thing that a remark before it names: "I need a shot of the red car, where is it?"."""
+    said = _REMARK.match(text.strip())
+    if said is None:
+        return text
+    reading = talk.read(f"{said['lead']}{said['thing']}")
+    commands = reading.query.action not in (None, "other") and not (reading.problem or reading.doubt)
+    return text if commands else f"{said['ask']} {said['thing']}{said['rest']}"
+
+
 def _answer(talk: Conversation, text: str, question: Question) -> Answer | None:
     if "people" in question.kinds and not question.limit and (told := _tell_people(talk, text, question)):
         return told
+    if question.kind == "ways":
+        return tell_ways(talk, text, question)
     if told := tell_landmarks(talk, text, question):
         return told
     if ("beside" in question.kinds or _is_of_place(talk, question)) and (told := tell_beside(talk, text, question)):
@@ -293,25 +309,6 @@ def _tell_sure(talk: Conversation, text: str, question: Question) -> Answer | No
     return aside(talk, text, f"{goal.confidence:.0%} sure", *goal.reasons)
 
 
-def _tell_spot(talk: Conversation, text: str, question: Question) -> Answer:
-    return tell_spot(talk, text, question.words)
-
-
-def _tell_room(talk: Conversation, text: str, question: Question) -> Answer | None:
-    if "which" in question.kinds and (each := tell_room_at_each(talk, text)):
-        return each
-    told = tell_room(talk, text, question.words)
-    if "wrong" not in question.kinds:
-        return told
-    return replace(told, reasons=tuple(_YES_NO.sub(lambda one: _WRONG[one[0]], one) for one in told.reasons))
-
-
-def _tell_tight(talk: Conversation, text: str, question: Question) -> Answer | None:
-    """Tell whether a place is too small: no, if there is room."""
-    told = tell_room(talk, text, question.words)
-    return replace(told, reasons=tuple(_YES_NO.sub(lambda one: _TURNED[one[0]], one) for one in told.reasons))
-
-
 def _tell_people(talk: Conversation, text: str, question: Question) -> Answer | None:
     """Tell who is on foot at a place; None if the question names somebody or something else."""
     if names_thing(talk, question.words):
@@ -378,10 +375,10 @@ _ANSWERS: Mapping[str, _Teller] = {
     "between": tell_between,
     "apart": tell_apart,
     "pace": _tell_pace,
-    "tight": _tell_tight,
+    "tight": answer_tight,
     "gap": _tell_gap,
-    "spot": _tell_spot,
-    "room": _tell_room,
+    "spot": answer_spot,
+    "room": answer_room,
     "size": _tell_size,
     "same": _tell_same,
     "coming": tell_coming,

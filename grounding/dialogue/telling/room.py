@@ -17,6 +17,7 @@ from grounding.dialogue.telling.reports import aside, ask_again, inform, not_und
 from grounding.dialogue.telling.things import POINTING, find_told, names_thing
 from grounding.goal.limits import is_in_the_road
 from grounding.language import Reading, WordCategory
+from grounding.language.questions import Question
 from grounding.query import Query, Referent
 from grounding.referent.ordinals import is_plural
 from grounding.referent.resolver import Candidate
@@ -25,6 +26,10 @@ from grounding.requests import STOPS, Request, requests_of
 # A place at each of several vehicles, and most of them that are told.
 _AT_EACH = re.compile(r"\b(behind|in front of|ahead of|after|before|next to|beside) (?:it|them|each)\b")
 _MOST_TOLD = 4
+# What is too small for us where there is room, and the other way round; words of none.
+_WRONG = {"yes": "nothing: there is room", "no": "there is no room"}
+_YES_NO, _TURNED = re.compile(r"^(?:yes|no)(?=[:,]|$)"), {"yes": "no", "no": "yes"}
+_NO_ROOM = re.compile(r"\bno (?:\w+ )?(?:gaps?|spaces?|room|places?|spots?|parking)\b")
 # Words that name no place.
 _EMPTY = (
     *(*POINTING, WordCategory.THERE, WordCategory.THE, WordCategory.ANY, WordCategory.EGO, WordCategory.POSSESSIVE),
@@ -34,6 +39,8 @@ _EMPTY = (
 
 def tell_room(talk: Conversation, text: str, words: str) -> Answer:
     """Tell whether there is a place; "do it" takes it then: "can we fit behind the red car?"."""
+    if _NO_ROOM.search(text.lower()) and not names_thing(talk, words):
+        return tell_spot(talk, text, "")  # "is there really no gap?"
     base = talk.state.request.query if talk.state.request else Query("", "park")
     reading = _read_place(talk, words, base)
     if reading is not None and _is_between_several(reading.query):
@@ -157,3 +164,24 @@ def _tell_at_each(
         why = "; ".join((answer.steps[at] if answer.steps else answer).plan.reasons)
         told.append(f"yes, {meant}" if answer.status == "ok" else f"no, {meant}: {why}")
     return aside(talk, text, *told)
+
+
+def answer_spot(talk: Conversation, text: str, question: Question) -> Answer:
+    """Answer where we could park."""
+    return tell_spot(talk, text, question.words)
+
+
+def answer_room(talk: Conversation, text: str, question: Question) -> Answer | None:
+    """Answer whether there is room, at a place or at each of several vehicles."""
+    if "which" in question.kinds and (each := tell_room_at_each(talk, text)):
+        return each
+    told = tell_room(talk, text, question.words)
+    if "wrong" not in question.kinds:
+        return told
+    return replace(told, reasons=tuple(_YES_NO.sub(lambda one: _WRONG[one[0]], one) for one in told.reasons))
+
+
+def answer_tight(talk: Conversation, text: str, question: Question) -> Answer | None:
+    """Tell whether a place is too small: no, if there is room."""
+    told = tell_room(talk, text, question.words)
+    return replace(told, reasons=tuple(_YES_NO.sub(lambda one: _TURNED[one[0]], one) for one in told.reasons))

@@ -199,11 +199,11 @@ def _by_network(query: Query, evidence: Evidence, prediction: Prediction) -> Que
         values["direction"] = str(query.direction)  # a side that is said is never the other one: "the slow lane"
     values = _without_others(query, evidence, _in_words_of(query, values))
     read = _with_values(query, values, prediction, evidence.others)
-    if evidence.whole and query.referent is not None and read.referent is not None:  # it moves as is said
-        qualifiers = read.referent.qualifiers
-        moves = (one for one in query.referent.qualifiers if one in STATES and one not in qualifiers)
-        read = replace(read, referent=replace(read.referent, qualifiers=(*moves, *qualifiers)))
-    return read
+    if query.referent is not None and read.referent is not None:  # it moves as is said, and we have passed it
+        qualifiers, kept = read.referent.qualifiers, (*(STATES if evidence.whole else ()), "behind_ego")
+        said = (one for one in query.referent.qualifiers if one in kept and one not in qualifiers)
+        read = replace(read, referent=replace(read.referent, qualifiers=(*said, *qualifiers)))
+    return read.at_excluded()
 
 
 def _without_others(query: Query, evidence: Evidence, values: dict[str, str]) -> dict[str, str]:

@@ -113,6 +113,8 @@ def _query(
         relation, landmark = at_goal.relation, "secondary"
     by_priority = (main.intent, *commands, *intents)
     distance_m, distance_of = _distance(by_priority)
+    if distance_of == "descriptor" and referent is None and at_goal is None:
+        distance_of = "ego"  # "20 metres up the road" describes no vehicle
     side = next((intent.frame.side for intent in by_priority if intent.frame.side), None)
     by_traffic = side in get_args(RoadSide)
     trigger = next((intent.frame.event for intent in by_priority if intent.frame.event), None)
@@ -141,6 +143,7 @@ def _query(
         sought=_sought(discourse, main.intent) if referent is None else None,
         count=next((count for intent in by_priority if (count := _count(intent)) is not None), None),
     )
+    query = query.at_excluded()
     goes = frame.verb_class in _GOING and query == Query(text, action="other", actions=("other",))
     return replace(query, manoeuvre="onward") if goes or _seeks_room(query) else query  # "okay, go"
 
