@@ -22,8 +22,6 @@ OTHER_SIDE, JUNCTION, BEHIND_US, TURNED = 64, 128, 256, 512
 WAITING_ACTIONS, PARKING_ACTIONS = ("park", "pull_over", "wait"), ("park", "pull_over")
 # Actions that only go forward, and how much more reversing costs there.
 _FORWARD_ACTIONS, _ONLY_FORWARD = ("follow", "change_lane", "overtake"), 6.0
-# Relations of a place beyond a vehicle that we pass: there is no need to back up to it.
-_BEYOND = ("past", "in_front_of")
 # A goal farther behind us is one that nobody expects.
 _BEHIND_M = 8.0
 # A goal nearer than this that heads farther away than this angle turns us on the spot.
@@ -83,7 +81,7 @@ class PlaceLimits:
             clear_m=_CLEAR_M if query.action in PARKING_ACTIONS else 0.0,
             not_behind=not asks_back,
             most_back_m=max(MOST_BACK_M, (query.distance_m or 0.0) + _BACK_MORE_M) if backs else MOST_BACK_M,
-            only_forward=query.action in _FORWARD_ACTIONS or (query.relation in _BEYOND and query.action != "park"),
+            only_forward=query.action in _FORWARD_ACTIONS,
         )
 
     def flags(self, road: RoadMap, cells: IntArray, heading_rad: FloatArray) -> IntArray:

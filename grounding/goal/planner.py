@@ -31,6 +31,7 @@ from grounding.goal.proposals import explain_refusal, is_in_our_way, propose_can
 from grounding.goal.search import CandidateSearch
 from grounding.goal.traffic import (
     TOWARDS,
+    asks_for_more_distance,
     comes_towards_us,
     drives_away,
     gap_now_m,
@@ -240,9 +241,8 @@ def plan_place(
         # A follower's own distance is the least one: "keep a safe distance from the car in front".
         named = query.distance_m if query.distance_of == "referent" else None
         distance_m = named if named is not None and named > road.style.following_gap_m(item.speed_mps) else None
-        now_m = gap_now_m(item, road)
-        if distance_m is None and now_m > road.style.following_gap_m(item.speed_mps):
-            distance_m = now_m  # who is to keep a distance does not close up
+        if distance_m is None and asks_for_more_distance(query):
+            distance_m = max(gap_now_m(item, road), road.style.following_gap_m(item.speed_mps))
         query = replace(query, action="follow", distance_m=distance_m, distance_of="referent" if distance_m else None)
     if item is not None and is_caught_up_with(query, item, road):
         query = replace(query, relation="behind", landmark="referent")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from appocc.motion_state import DRIVING_MPS, MOVING_MPS
@@ -14,6 +16,11 @@ from grounding.scene_object import SceneObject
 
 # Least cosine between the heading of a vehicle and our direction of travel if it goes our way.
 _SAME_WAY = 0.7
+# Words of a gap that is too small.
+_MORE_DISTANCE = re.compile(
+    r"\b(?:more|greater|bigger) (?:\w+ )?(?:distance|space|room|gap)\b"
+    r"|\b(?:further|farther) back\b|\b(?:drop|hold|fall) back\b"
+)
 # Relations of a place on the way to a vehicle.
 TOWARDS = ("none", "toward", "near", "at")
 
@@ -37,6 +44,11 @@ def keeps_distance(query: Query, item: SceneObject, road: RoadMap) -> bool:
     """Return whether to avoid a vehicle is to follow it at a distance, since it drives on ahead of us."""
     avoids = query.action == "avoid" and query.relation == "none"
     return avoids and (item.speed_mps or 0.0) > DRIVING_MPS and _drives_before_us(item, road)
+
+
+def asks_for_more_distance(query: Query) -> bool:
+    """Return whether the gap to a vehicle is to be no smaller than now: "keep a bit more distance"."""
+    return _MORE_DISTANCE.search(query.command.lower()) is not None
 
 
 def gap_now_m(item: SceneObject, road: RoadMap) -> float:

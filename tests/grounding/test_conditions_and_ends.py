@@ -159,12 +159,12 @@ def test_without_room_at_the_kerb_our_lane_is_asked_about() -> None:
     assert talk.say("yes").target is not None
 
 
-def test_an_offer_in_the_road_says_so() -> None:
+def test_an_offer_in_our_lane_says_so() -> None:
     row = Street()
     for i in range(14):
         row.car(f"c{i}", 4.9 * i - 30, -6.8, RED if i == 9 else BLACK)
     asked = ask("park behind the red car", row)
-    assert asked.question.endswith(", in the road?")
+    assert "shall we stop in our lane, " in asked.question
 
 
 def test_who_is_followed_once_it_leaves_is_named_in_both_steps() -> None:

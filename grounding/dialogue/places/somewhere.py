@@ -62,7 +62,8 @@ def _drive_on_for_room(talk: Conversation, text: str, request: Request, clauses:
     """Drive on until the edge of the road has room, where our lane is offered instead; None for other turns."""
     question = talk.state.question
     seeks = [is_phrase("forroom", words) for words in clauses]
-    if question is None and seeks and all(seeks) and request.query.action in STOPS:
+    counts = any(is_phrase("nextgap", words) for words in clauses)
+    if question is None and seeks and all(seeks) and not counts and request.query.action in STOPS:
         kerb = Query(text, "pull_over", ("pull_over",), manoeuvre="onward")  # "then the first gap you can find"
         return talk.take([Request(reading=said(request.reading.with_query(kerb), text))])
     if question is None or not question.plan.question or not asks_for_kerb(request.query):
