@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from grounding.answering import without
-from grounding.language import Reading
+from grounding.language import Reading, WordCategory
 from grounding.query import Query, Referent
 from grounding.referent.ordinals import SORT_KEYS, find_ordinals
 from grounding.referent.predicates import to_referent
@@ -154,7 +154,14 @@ def find_beside(
 
 def widen(reading: Reading, scene: SceneModel) -> Reading:
     """Return a reading with any vehicle for "one" if no vehicle of the class spoken of fits: "the grey one"."""
-    return each_step(reading, lambda step: _with_any_vehicle(step, scene))
+    # "There's a gold bus, get in behind it" names a bus.
+    named = {token.value for token in reading.tokens if token.category is WordCategory.NOUN}
+
+    def wider(step: Query) -> Query:
+        said = step.referent is not None and step.referent.noun in named
+        return step if said else _with_any_vehicle(step, scene)
+
+    return each_step(reading, wider)
 
 
 def _with_any_vehicle(query: Query, scene: SceneModel) -> Query:

@@ -22,9 +22,10 @@ from grounding.dialogue.plans.giving_up import answer_giving_up
 from grounding.dialogue.plans.steps import edit_steps
 from grounding.dialogue.plans.waits import answer_wait
 from grounding.dialogue.sentences import answer_sentence
-from grounding.dialogue.telling.reports import inform, notice
+from grounding.dialogue.telling.reports import aside, inform, notice
 from grounding.dialogue.turns import ASIDES, DOING, names_command, predict_turn
 from grounding.language.alternatives import as_condition, lone_fallback
+from grounding.language.cabin import NOT_CONTROLLED, without_cabin
 from grounding.language.questions import asks_car
 from grounding.language.reader.fields import NONE
 from grounding.language.reader.network import Prediction
@@ -171,6 +172,8 @@ def _names_nothing(prediction: Prediction, text: str) -> bool:
 
 def answer_turn(talk: Conversation, text: str) -> Answer:
     """Answer a turn: sentence by sentence if each has a certain act of its own, else as a whole."""
+    if (cabin := without_cabin(text)) is not None:
+        return _answer_beside_cabin(talk, text, cabin[0])
     if as_condition(normalise(text)):  # "is there a gap behind the van? if so park there"
         return answer_command(talk, text, text)
     text = _AFTER_EVENT.sub(r"once \1 \2", text)
@@ -208,6 +211,17 @@ def answer_turn(talk: Conversation, text: str) -> Answer:
             return again
         talk.state = after
     return answer
+
+
+def _answer_beside_cabin(talk: Conversation, text: str, rest: str) -> Answer:
+    """Answer what a turn says besides a wish about the cabin, and tell that this is not controlled here."""
+    before = talk.state
+    answer = answer_turn(talk, rest) if rest else None
+    if answer is not None and answer.status != "not_a_command" and not is_misunderstood(answer):
+        return replace(answer, reasons=(*answer.reasons, NOT_CONTROLLED))
+    talk.state = before
+    kept = ("the goal stays as it is",) if talk.state.goal is not None else ()
+    return replace(aside(talk, text, NOT_CONTROLLED, *kept), status="not_a_command")
 
 
 def _answer_phrases(talk: Conversation, text: str, answer_rest: Callable[[str], Answer]) -> Answer | None:

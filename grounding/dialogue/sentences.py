@@ -36,6 +36,7 @@ from grounding.dialogue.clauses import clauses_of
 from grounding.dialogue.commands import answer_command, ask_to_stop, forbids_hindering, keep_clear
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.fragments import (
+    begins_with_place,
     carries_on,
     goes_onto_pavement,
     has_verb,
@@ -77,6 +78,7 @@ from grounding.dialogue.telling.reports import (
 from grounding.dialogue.telling.room import tell_room
 from grounding.dialogue.turns import Turn, read_turn, state_of
 from grounding.goal.shift import Shift
+from grounding.language import WordCategory
 from grounding.language.reader.fields import NONE, unlearnt_qualifiers
 from grounding.language.replies import Reply, read_reply
 from grounding.query import Query
@@ -189,6 +191,14 @@ def _ends_beside(talk: Conversation, text: str) -> bool:
     return reading is not None and reading.query.relation != "none" and is_understood(reading)
 
 
+def _place_at_end(talk: Conversation, text: str) -> str:
+    """Return the last clause of a turn if it names a place at a vehicle: "a bit more ahead, up to behind the van"."""
+    clauses = clauses_of(talk, text)
+    last = " ".join(clauses[-1]).removeprefix("up to ").removeprefix("to ") if len(clauses) > 1 else ""
+    named = last and any(token.category is WordCategory.NOUN for token in talk.read(last).tokens)
+    return last if named and begins_with_place(last, talk.readings) else ""
+
+
 def _answer_likely(talk: Conversation, text: str, reply: Reply, guess: Turn) -> Answer | None:
     """Answer a turn by its likeliest act that succeeds; None if none does."""
     before = talk.state
@@ -246,6 +256,8 @@ def _answer_turn(talk: Conversation, text: str, reply: Reply, turn: Turn) -> Ans
     turns = state.request is not None and state.request.query.action == "turn"
     if act == "shift" and turns and (other := _OTHER_TURN.fullmatch(reply.rest)):
         return answer_fragment(talk, text, replace(reply, rest=other[1]))  # "make that a left"
+    if act == "shift" and (place := _place_at_end(talk, text)):
+        return answer_fragment(talk, text, replace(reply, rest=place), replace(turn, act="place"))
     if act == "shift":
         return shift_place(talk, text, reply, Shift(turn.shift, turn.distance_m or usual_shift_m(talk, text)))
     if act in ("more", "less"):

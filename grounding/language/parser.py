@@ -10,6 +10,7 @@ from itertools import islice
 from grounding.language.alternatives import Alternatives, as_condition, split_alternatives
 from grounding.language.ambiguity import MAX_READINGS, list_alternatives
 from grounding.language.between import with_both_ends
+from grounding.language.cabin import NOT_CONTROLLED, without_cabin
 from grounding.language.conditions import Condition, motion_of, split_condition, until_then, with_reaction
 from grounding.language.people import with_people
 from grounding.language.problems import ParseProblem, check_type, find_problem
@@ -82,6 +83,13 @@ def parse_all(
         too_long = ParseProblem(f"expected at most {MAX_CHARACTERS} characters, got {len(text)}")
         return (Reading(Query(command=text[:MAX_CHARACTERS]), problem=too_long),)
     normalised, words = normalise(text), lexicon or default_lexicon()
+    if (cabin := without_cabin(normalised)) is not None:
+        kept, left_out = cabin
+        told = parse_all(kept, lexicon, antecedent, verb, revised=revised)
+        if told[0].problem:
+            return (Reading(Query(command=text), problem=ParseProblem(NOT_CONTROLLED)),)
+        note = f"'{left_out}' is left out: {NOT_CONTROLLED}"
+        return tuple(replace(said_whole(one, text), notes=(*one.notes, note)) for one in told)
     if condition := as_condition(normalised):
         asked = parse_all(condition, lexicon, antecedent, verb, revised=revised)
         return tuple(said_whole(one, text) for one in asked)

@@ -46,6 +46,8 @@ _OF_PASSENGERS = re.compile(
     r" (?:are|is|were|was|need|needs|get|gets|have|has|want|wants|feel|feels|buckle|buckles|put|puts|finish|fell)\b"
     r"(?! (?:crossing|walking|standing|running|going|coming|playing|on|at|in|near|by|over|out)\b)[^,.;]*)"
 )
+# What somebody is to be able to do then, which no verb of it commands: "so I can turn the car round".
+_SO_THEY_CAN = re.compile(r",? so (?:that )?(?:i|he|she|they|my \w+) (?:can|could|may|might)\b[^.;]*$")
 # A place and what it is for, which is not planned.
 _PLACE_FOR = re.compile(
     r"\b(somewhere|anywhere|a place|a spot)(?: that| where)?"
@@ -95,6 +97,8 @@ def split_purpose(text: str, tokens: Sequence[Token]) -> Split | None:
         return _split(text, clauses, at)
     if (riding := _OF_PASSENGERS.search(text)) is not None:
         return Split(f"{text[: riding.start()]} {text[riding.end() :]}".strip(), riding[1])
+    if (purpose := _SO_THEY_CAN.search(text)) is not None and purpose.start():
+        return Split(text[: purpose.start()], text[purpose.start() :].strip(" ,"))
     if (place := _PLACE_FOR.search(text)) is not None:
         return Split(text[: place.end(1)], text[place.end(1) :].strip())
     where = next(

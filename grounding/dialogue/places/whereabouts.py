@@ -7,7 +7,7 @@ import re
 from grounding.answer import Answer
 from grounding.dialogue.commands import answer_command
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.fragments import is_understood
+from grounding.dialogue.fragments import begins_with_place, is_understood
 from grounding.dialogue.telling.phrases import said
 from grounding.dialogue.telling.things import find_told
 from grounding.referent.resolver import Candidate
@@ -31,6 +31,8 @@ def answer_whereabouts(talk: Conversation, text: str) -> Answer | None:
     named = request.query.referent
     if named is not None and named.noun != "person":
         return None
+    if not begins_with_place(text[who.end() :], talk.readings):
+        return None  # "he's the one further away"
     command = f"{(request.query.action or 'stop').replace('_', ' ')} {text[who.end() :]}"
     reading = talk.readings(command, alone=False)[0]
     placed = reading.query.relation != "none" and reading.query.landmark is not None
