@@ -15,6 +15,7 @@ from grounding.confidence import confidence_of, gather_evidence, is_worth_acting
 from grounding.describe import describe_object, describe_step, with_article
 from grounding.goal.at_landmark import landmark_of
 from grounding.goal.exclusions import ExcludedPlace, resolve_exclusions
+from grounding.goal.explanations import WARNINGS
 from grounding.goal.planner import GoalPlan, plan_place, with_nearest
 from grounding.goal.proposals import explain_refusal
 from grounding.goal.second_best import plan_with_second_best
@@ -115,7 +116,8 @@ def answer_steps(
     if failed is None and steps[shown].plan.later:
         shown = max(i for i, step in enumerate(steps) if not step.plan.later)
     about = steps[shown]
-    reasons = (*about.reasons, *(one.reasons[-1] for one in steps if one.plan.later))
+    before = (reason for one in steps if one is not about for reason in one.reasons if reason.startswith(WARNINGS))
+    reasons = (*about.reasons, *before, *(one.reasons[-1] for one in steps if one.plan.later))
     if failed is not None and len(steps) > 1:
         reasons = (f"step {failed + 1} of {len(steps)} ('{steps[failed].query.action}') fails", *reasons)
 

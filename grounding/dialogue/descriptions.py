@@ -155,7 +155,8 @@ def find_beside(
 def widen(reading: Reading, scene: SceneModel) -> Reading:
     """Return a reading with any vehicle for "one" if no vehicle of the class spoken of fits: "the grey one"."""
     # "There's a gold bus, get in behind it" names a bus.
-    named = {token.value for token in reading.tokens if token.category is WordCategory.NOUN}
+    ones = any(token.category is WordCategory.ONE for token in reading.tokens)
+    named = {token.value for token in reading.tokens if token.category is WordCategory.NOUN and not ones}
 
     def wider(step: Query) -> Query:
         said = step.referent is not None and step.referent.noun in named

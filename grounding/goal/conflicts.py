@@ -12,6 +12,7 @@ from grounding.referent.clarification import describe_one
 from grounding.referent.scene import SceneModel
 from grounding.road.car_paths import CarRoute
 from grounding.road.free_space import gap_m
+from grounding.road.lane_model import LANE_M
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
 
@@ -21,7 +22,7 @@ _SPEEDS_MPS, _HORIZON_S, _EARLIER_S = (3.0, 5.0, 8.0), 6.0, (0.0, -1.0, 1.0)
 # Gap below which we are in its way.
 _NEAR_M = 0.4
 # From this lateral offset on we leave our lane.
-_LEAVES_M = 1.5
+_LEAVES_M = 1.0
 # Who drives within this lateral offset of our lane, and our way, is ahead of us or follows us.
 _IN_LANE_M, _SAME_WAY = 1.5, 0.7
 # Points of the way are tested at this spacing.
@@ -57,9 +58,9 @@ def find_conflicts(way: CarRoute, road: RoadMap, named: Sequence[SceneObject] = 
     if not outside.any():
         return []
     points, heading, run_m = points[outside], heading[outside], run_m[outside]
-    found = [
-        one for one in _driving_elsewhere(road) if one not in named and _meets(one, points, heading, run_m, road)
-    ]
+    side = float(np.sign(road.ego_lane.project(points[:1])[1][0]))
+    others = (one for one in _driving_elsewhere(road) if one not in named)
+    found = [one for one in others if _is_beside(one, side, road) or _meets(one, points, heading, run_m, road)]
     return sorted(found, key=lambda one: one.distance_m(road.ego))
 
 
@@ -78,6 +79,14 @@ def _driving_elsewhere(road: RoadMap) -> Iterator[SceneObject]:
         ours = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) > _SAME_WAY
         if not (ours and abs(lateral_m) < _IN_LANE_M):
             yield item
+
+
+def _is_beside(item: SceneObject, side: float, road: RoadMap) -> bool:
+    """Return whether a vehicle drives our way beside us, in the lane on the side (1: left) to which we leave ours."""
+    along_m, lateral_m = (float(each) for each in road.ego_lane.project(item.centre_m))
+    ours = np.cos(item.yaw_rad - road.start.heading_rad) > _SAME_WAY
+    level = abs(along_m) < (item.length_m + road.ego.length_m) / 2
+    return bool(ours and level and LANE_M / 2 < side * lateral_m < 1.5 * LANE_M)
 
 
 def _meets(item: SceneObject, points: FloatArray, heading: FloatArray, run_m: FloatArray, road: RoadMap) -> bool:

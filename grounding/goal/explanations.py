@@ -6,6 +6,7 @@ import numpy as np
 
 from appocc.checks import FloatArray
 from appocc.ego_vehicle import EgoVehicle
+from appocc.motion_state import MOVING_MPS
 from grounding.goal.candidates import GoalCandidate
 from grounding.goal.limits import PARKING_ACTIONS, is_in_the_road
 from grounding.goal.search import LEAVES_ROAD, CandidateSearch
@@ -20,6 +21,8 @@ _MOVED_M = 0.6
 _IN_LANE_M = 1.5
 # A gap that differs by more from the one asked for is told.
 _TOLD_GAP_M = 0.35
+# How the reasons begin that warn of a step, and are told with any later one.
+WARNINGS = ("that takes hard braking", "it is too near for us")
 # A stop that takes a greater deceleration is told.
 _HARD_MPS2 = 3.5
 # A way that turns by more is a turn in the road; reversing less than this is not worth a word.
@@ -85,6 +88,14 @@ def explain_braking(query: Query, way: CarRoute, road: RoadMap) -> list[str]:
     speed = max(road.speed_mps or 0.0, 0.0)
     hard = speed**2 / 2 > _HARD_MPS2 * max(way.length_m, _LITTLE_M)
     return [f"that takes hard braking: we drive at {speed:.0f} m/s"] if stops and hard and way.backwards_m < 1 else []
+
+
+def explain_speed(query: Query, item: SceneObject | None, road: RoadMap) -> list[str]:
+    """Return that a vehicle to overtake is no slower than we are; empty where it is, or a speed is unknown."""
+    theirs, ours = None if item is None else item.speed_mps, road.speed_mps
+    if query.action != "overtake" or theirs is None or ours is None or theirs < max(ours, MOVING_MPS):
+        return []
+    return [f"it drives at {theirs:.0f} m/s, we at {max(ours, 0.0):.0f}: to pass it we have to be faster"]
 
 
 def gap_beyond_m(place_m: FloatArray, heading_rad: float, ego: EgoVehicle, item: SceneObject) -> float:

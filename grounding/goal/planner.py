@@ -16,7 +16,14 @@ from grounding.goal.at_landmark import keep_clear
 from grounding.goal.candidates import CandidateSet, GoalCandidate
 from grounding.goal.conflicts import explain_conflicts, find_conflicts
 from grounding.goal.exclusions import ExcludedPlace, excluded_cells
-from grounding.goal.explanations import explain_braking, explain_gap, explain_second_row, explain_target, explain_way
+from grounding.goal.explanations import (
+    explain_braking,
+    explain_gap,
+    explain_second_row,
+    explain_speed,
+    explain_target,
+    explain_way,
+)
 from grounding.goal.limits import (
     AGAINST_TRAFFIC,
     BEHIND_US,
@@ -298,8 +305,10 @@ def plan_place(
         return _plan_without_target(search, item, reasons)
     target, *others = (to_target(candidate, scene, road) for candidate in best)
     of_place = [*explain_target(search, best[0]), explain_way(way), *explain_gap(query, best[0])]
-    of_place += explain_braking(query, way, road)
+    of_place += [*explain_braking(query, way, road), *explain_speed(query, item, road)]
     of_place += explain_second_row(query, best[0].cell, best[0].heading_rad, road)
+    if limits.not_behind and meets_oncoming(way, road):
+        of_place.append("the way there crosses the lanes of oncoming traffic")
     first = find_conflicts(way, road, references) if start is None else []
     of_place += explain_conflicts(first, scene)
     reasons = [*reasons, *of_place]

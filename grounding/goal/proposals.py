@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -60,6 +61,7 @@ _REFUSALS = {
     "off_road": "beside the road there is no place for a car",
     "speeding": "a speed limit is not to be broken",
 }
+_HORN = re.compile(r"\b(?:honk|beep|toot|hoot)\b")
 _OFF_ROAD_NOUNS = ("pavement", "sidewalk", "footpath")
 
 # Candidate sets are None if the command asks for no place.
@@ -122,6 +124,8 @@ def explain_refusal(query: Query) -> str:
         and not on_foot
         for part in query.secondary
     )
+    if query.action == "other" and query.relation == "none" and _HORN.search(query.command.lower()):
+        return "the horn is not controlled here"
     unheeded = any(one.relation == "for" and one.noun in PERSON_NOUNS for one in query.excluded)
     if unheeded and query.action == "other":
         return "people go first: we stop for them"

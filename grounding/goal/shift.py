@@ -138,6 +138,10 @@ def _plan_near(
     candidates = CandidateSet(words, cells[near], off_m[near] ** 2, np.full(int(near.sum()), heading_rad))
     search = CandidateSearch([candidates.with_detour_cost(road)], scene, road, [item] if item else [])
     found, way = search.find_reachable(1)
+    later = road.after_traffic([item] if item else []) if not found or way is None else None
+    if later is not None:  # those ahead of us have driven on by then
+        again = CandidateSearch([candidates.with_detour_cost(later)], scene, later, [item] if item else [])
+        found, way = again.find_reachable(1)
     if not found or way is None:
         return GoalPlan(None, tuple(search.explain_failure()[-1]), search=search)
     told = (f"the place is {words}",)

@@ -106,8 +106,13 @@ def parse_all(
         if asks_for_place(rest[0].query):
             heeded = f"'{warning.beside}' is heeded on the way, and tells no place"
             return tuple(replace(one, notes=(*one.notes, heeded)) for one in rest)
-    if (purpose := split_purpose(normalised, tagged)) is not None and (rest := read_without(purpose))[0].is_plain:
-        return tuple(replace(one, dropped=(*one.dropped, purpose.beside)) for one in rest)
+    if (purpose := split_purpose(normalised, tagged)) is not None:
+        rest = read_without(purpose)
+        plain = rest[0].is_plain or (
+            rest[0].query.referent is None and not (rest[0].doubt or rest[0].query.unresolved)
+        )
+        if rest[0].query.action is not None and plain:
+            return tuple(replace(one, dropped=(*one.dropped, purpose.beside)) for one in rest)
     if cases := _read_condition(text, split_condition(normalised, tagged), words, antecedent, revised):
         return cases
     if wishes := _read_alternatives(text, split_alternatives(normalised, tagged), words, antecedent, revised):

@@ -72,6 +72,10 @@ _ARE = re.compile(r"(?<=\w)'re\b|(?<=\byou)re\b|(?<=\bthey)re\b")
 # "How far's the van?"
 _HOW_IS = re.compile(r"\b(how \w+)'s\b")
 # A mark that is said several times at the end.
+_AND_HOW = re.compile(
+    r",? and (?:how far(?: away)?|where|what colou?r|how fast) (?:is|are)"
+    r" (?:it|he|she|they|that)(?: going)?(?= ?\??$)"
+)
 _MARKS_AGAIN = re.compile(r"([?!.])(?: ?[?!.])+$")
 # A thing that is named before the question about it: "what about the yellow one, is it parked?"
 _TOPIC = re.compile(
@@ -160,6 +164,7 @@ def read_question(text: str, lexicon: Lexicon | None = None) -> Question | None:
         return None
     lexicon = lexicon or default_lexicon()
     full = _HOW_IS.sub(r"\1 is", _ARE.sub(" are", _MARKS_AGAIN.sub(r"\1", normalise(text))))
+    full = _AND_HOW.sub("", full)  # that is told with what there is
     full = _TOPIC_LATER.sub(r"\1\3\2", _TOPIC.sub(r"\1\3 \2", full))
     written = tuple(respelled(WORD.findall(full), lexicon))
     words = tuple(word.replace("'", "") for word in written)

@@ -47,7 +47,10 @@ _OF_PASSENGERS = re.compile(
     r"(?! (?:crossing|walking|standing|running|going|coming|playing|on|at|in|near|by|over|out)\b)[^,.;]*)"
 )
 # What somebody is to be able to do then, which no verb of it commands: "so I can turn the car round".
-_SO_THEY_CAN = re.compile(r",? so (?:that )?(?:i|he|she|they|my \w+) (?:can|could|may|might)\b[^.;]*$")
+_SO_THEY_CAN = re.compile(
+    r",? so (?:that )?(?:i|he|she|they|people|others|everyone|everybody|cars|traffic|my \w+)"
+    r" (?:can|could|may|might)\b[^.;]*$"
+)
 # A place and what it is for, which is not planned.
 _PLACE_FOR = re.compile(
     r"\b(somewhere|anywhere|a place|a spot)(?: that| where)?"

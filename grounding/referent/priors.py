@@ -31,7 +31,13 @@ _INDEFINITE_SCALE_M = 15.0
 _LEAST_PLAUSIBILITY = 0.3
 _YIELDING = ("give_way", "wait")
 # The same where the motion of a vehicle all but decides, and plausibility of following a parked one.
-_LEAST_PLAUSIBILITIES: dict[str | None, float] = {"follow": 0.05, "park": 0.15, "pull_over": 0.15, "wait": 0.15}
+_LEAST_PLAUSIBILITIES: dict[str | None, float] = {
+    "follow": 0.05,
+    "park": 0.15,
+    "pull_over": 0.15,
+    "wait": 0.15,
+    "change_lane": 0.1,
+}
 _PARKED_FOLLOWED = 0.05
 # The same of one that is to pass us.
 _LEAST_PASSING = 0.05
@@ -138,7 +144,10 @@ def log_action_prior(query: Query, table: ObjectTable) -> FloatArray:
         leads = in_own_lane(table) * (1 - standing) * (table.along_m > 0) * (1 - is_facing_ego(table))
         fit = 0.4 + 0.6 * leads
     elif query.action == "change_lane":
-        fit = 1 - 0.8 * is_facing_ego(table)
+        fit = (1 - 0.8 * is_facing_ego(table)) * (1 - 0.7 * standing)
+        if query.direction in ("left", "right"):  # who drives in that lane
+            there = rising((1 if query.direction == "left" else -1) * table.lateral_m, 0.5, 0.3)
+            fit = fit * (_OTHER_SIDE + (1 - _OTHER_SIDE) * there)
     elif _awaits_passing(query):
         # Who drives away ahead of us has passed, who drives behind us in our lane stays there, and who comes towards
         # us is in our way only where the road is narrow.

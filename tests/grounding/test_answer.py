@@ -33,7 +33,7 @@ def ground(text: str, street: Street | None = None) -> Answer:
         ("stop near the tree", "not_found", 3),
         ("turn right", "not_found", 3),
         ("stop in 20 metres", "ok", 0),
-        ("honk", "not_found", 3),
+        ("indicate left", "not_a_command", 2),
         ("follow the closest bus", "not_found", 3),
         ("park behind the zebra", "not_found", 3),
         ("tell me a joke", "not_a_command", 2),

@@ -217,3 +217,82 @@ def test_footprint_of_the_gap_is_that_of_the_ego() -> None:
     ego, session = street.grounder().scene.ego, street.grounder().session()  # type: ignore[union-attr]
     front_m = float(footprints([ego.centre_m, 0.0], 0.0, [ego.length_m, ego.width_m])[:, 0].max())
     assert f"{20 - 2.2 - front_m:.1f} m from us" in told(session, "how big is the gap between us and the white car?")
+
+
+def test_who_is_beside_us_passes_before_we_overtake() -> None:
+    street = Street().car("slow", 18, 0, WHITE, speed_mps=3).car("beside", 0, 3.5, GREY, speed_mps=8)
+    answer = street.grounder().ground("overtake the white car")
+    assert answer.status == "ok", answer.text()
+    assert any("grey car" in reason and "passes first" in reason for reason in answer.reasons)
+
+
+def test_who_is_no_slower_is_told_when_overtaken() -> None:
+    street = Street().car("fast", 16, 0, WHITE, speed_mps=7)
+    grounder = Grounder()
+    grounder.set_scene(street.bev(), street.boxes(), speed_mps=5.0)
+    answer = grounder.ground("overtake the white car")
+    assert "it drives at 7 m/s, we at 5: to pass it we have to be faster" in answer.reasons
+
+
+def test_a_lane_change_behind_a_vehicle_means_one_in_that_lane() -> None:
+    street = Street().car("lane", 2, 3.5, BLACK, speed_mps=8).car("parked", 5, -6, BLACK).car("other", 9, -6, BLACK)
+    answer = street.grounder().ground("get over into the left lane behind that black car")
+    assert answer.status == "ok", answer.text()
+    assert answer.referent is not None
+    assert answer.referent.item.id == "lane"
+
+
+def test_the_next_lane_is_where_vehicles_drive_in_it() -> None:
+    street = Street().car("one", 20, 2.7, BLACK, speed_mps=8).car("two", -14, 2.7, GREY, speed_mps=8)
+    answer = street.grounder().ground("change to the left lane")
+    assert answer.target is not None
+    assert answer.target.ego_m[1] == pytest.approx(2.7, abs=0.5)
+
+
+def test_a_way_across_oncoming_lanes_is_told() -> None:
+    street = Street().car("oncoming", 34, 3.6, BLACK, np.pi, 9)
+    answer = street.grounder().ground("pull over on the left")
+    assert answer.target is not None
+    assert any("crosses the lanes of oncoming traffic" in reason for reason in answer.reasons)
+
+
+def test_warnings_of_a_step_are_told_with_the_last_one() -> None:
+    size, category = (0.6, 0.6, 1.8), "human.pedestrian.adult"
+    street, grounder = Street().car("walker", 6, -4, GREY, 1.57, 1.0, size, category), Grounder()
+    grounder.set_scene(street.bev(), street.boxes(), speed_mps=6.0)
+    answer = grounder.ground("let the pedestrian go first, then pull over on the right")
+    assert len(answer.steps) == 2
+    assert any("too near" in reason for reason in answer.reasons)
+
+
+@pytest.mark.parametrize("command", ["honk at the white car", "beep at the white car ahead"])
+def test_the_horn_is_not_controlled(command: str) -> None:
+    answer = Street().car("white", 20, 0, WHITE, speed_mps=3).grounder().ground(command)
+    assert answer.plan.refused
+    assert "the horn is not controlled here" in answer.reasons
+
+
+def test_it_comes_closer() -> None:
+    session = Street().car("red", 30, 4, (190, 20, 25), np.pi, 9).grounder().session()
+    told(session, "what's that red car doing?")
+    assert told(session, "is it coming closer?").startswith("yes: the red car")
+
+
+def test_room_in_front_of_us_at_the_goal_and_the_doors_there() -> None:
+    session = Street().car("blue", 24, -6.6, BLUE).grounder().session()
+    told(session, "park behind the blue car")
+    assert "in front of us" in told(session, "how much space will there be in front of us when we're parked?")
+    assert "on our right" in told(session, "can we get out on the right there?")
+
+
+def test_a_shift_is_not_blocked_by_who_drives_on() -> None:
+    session = Street().car("ahead", 22, 0, WHITE, speed_mps=6).car("blue", 10, -6.6, BLUE).grounder().session()
+    told(session, "stop in our lane 12 metres ahead")
+    answer = session.say("ten metres further")
+    assert answer.target is not None
+    assert answer.target.ego_m[0] > 20
+
+
+def test_what_is_asked_twice_is_one_question() -> None:
+    session = traffic().grounder().session()
+    assert "the white car" in told(session, "which car is right ahead of us, and how far is it?")

@@ -16,7 +16,6 @@ from grounding.dialogue.telling.follow_ups import follow_up
 from grounding.dialogue.telling.found import BEFORE, tell_found
 from grounding.dialogue.telling.landmarks import tell_landmarks, tell_ways
 from grounding.dialogue.telling.measures import (
-    describe_change,
     describe_facing,
     describe_gap,
     describe_heading,
@@ -54,7 +53,7 @@ from grounding.dialogue.telling.things import (
     find_things,
     names_thing,
 )
-from grounding.dialogue.telling.traffic import tell_coming, tell_lane, tell_safe, tell_waiting
+from grounding.dialogue.telling.traffic import tell_coming, tell_lane, tell_pace, tell_safe, tell_waiting
 from grounding.language import WordCategory
 from grounding.language.questions import Question, read_question
 from grounding.language.replies import says_no
@@ -120,7 +119,8 @@ def _answer(talk: Conversation, text: str, question: Question) -> Answer | None:
         return tell_ways(talk, text, question)
     if told := tell_landmarks(talk, text, question):
         return told
-    if ("beside" in question.kinds or _is_of_place(talk, question)) and (told := tell_beside(talk, text, question)):
+    beside = "beside" in question.kinds and question.kind != "gap"  # "how much space will there be in front of us?"
+    if (beside or _is_of_place(talk, question)) and (told := tell_beside(talk, text, question)):
         return told
     if (
         "out" in question.kinds
@@ -291,17 +291,6 @@ def _tell_gap(talk: Conversation, text: str, question: Question) -> Answer | Non
     return aside(talk, text, describe_gap(place, talk.scene))
 
 
-def _tell_pace(talk: Conversation, text: str, question: Question) -> Answer | None:
-    """Tell a vehicle's speed, and whether it changes where that is known."""
-    things = find_things(talk, question)
-    if not things.found:
-        whose = "our own speed" if question.of_us else "which vehicle is meant"
-        return aside(talk, text, *things.reasons) if things.reasons else unknown(talk, text, whose)
-    told = [f"{describe_one(one, talk.scene)}{describe_change(one)}" for one in things.items]
-    open_ = any(one.acceleration_mps2 is None for one in things.items)
-    return aside(talk, text, *told, *([f"{NOT_KNOWN}: whether it gets faster or slower"] if open_ else []))
-
-
 def _tell_sure(talk: Conversation, text: str, question: Question) -> Answer | None:
     goal = talk.state.goal
     if goal is None:
@@ -374,7 +363,7 @@ _ANSWERS: Mapping[str, _Teller] = {
     "choice": tell_choice,
     "between": tell_between,
     "apart": tell_apart,
-    "pace": _tell_pace,
+    "pace": tell_pace,
     "tight": answer_tight,
     "gap": _tell_gap,
     "spot": answer_spot,

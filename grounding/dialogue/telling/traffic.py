@@ -10,9 +10,9 @@ import numpy as np
 from appocc.motion_state import MOVING_MPS
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.telling.measures import approaches, describe_one, find_in_lane
+from grounding.dialogue.telling.measures import approaches, describe_change, describe_one, find_in_lane
 from grounding.dialogue.telling.phrases import describe_goal
-from grounding.dialogue.telling.reports import NOT_KNOWN, aside, tell_reasons
+from grounding.dialogue.telling.reports import NOT_KNOWN, aside, tell_reasons, unknown
 from grounding.dialogue.telling.things import describe_any, find_things
 from grounding.goal.conflicts import explain_conflicts
 from grounding.language.questions import Question
@@ -25,9 +25,11 @@ from grounding.scene_object import SceneObject
 # What holds of every place that is found, and of a way that nobody comes into.
 _KEPT = "the place is on the road, and clear of all vehicles that are seen"
 _CLEAR = "nobody who is seen drives into our way there, at the speeds of now"
+# Whether somebody comes nearer.
+_NEARER = re.compile(r"\b(?:closer|nearer|towards? (?:us|me)|at us|our way)\b")
 # Where those are who come from behind, and what stands for a vehicle before its place.
 _FROM_BEHIND = re.compile(r"\bfrom (?:behind|the back|the rear)(?: us| me)?\b")
-_IN_IT = re.compile(r"\bin (?:it|there|that lane|that one)\b")
+_IN_IT = re.compile(r"\bin (?:it|there|that lane|that one)\b|\bthere$")
 _TOWARDS_US = re.compile(r"\btowards? (?:us|me)\b|\b(?:at us|our way|oncoming|the other way)\b")
 _NAMELESS = re.compile(r"^(?:an? |any |up )?(?=from |behind |on |ahead |in )")
 # What leads in the manoeuvre that is asked about.
@@ -41,7 +43,8 @@ _LANES, _SIDES = ("left_lane", "right_lane"), ("left_side", "right_side")
 
 def tell_coming(talk: Conversation, text: str, question: Question) -> Answer:
     """Tell whether anyone drives towards us, and who; who is to pass first is the nearest of them."""
-    words = _FROM_BEHIND.sub("behind us", _in_lane(talk, question.words))
+    points = " in it" if re.search(r"\bthere\b", text.lower()) and "there" not in question.words.split() else ""
+    words = _FROM_BEHIND.sub("behind us", _in_lane(talk, f"{question.words}{points}")).removesuffix(" in it")
     reading = describe_any(talk, _NAMELESS.sub("vehicle ", words)) or describe_any(talk, words)
     named = reading.query.referent if reading is not None else None
     here = find_all(named or Referent("vehicle", "vehicle"), talk.scene)
@@ -145,3 +148,19 @@ def _tell_in_way(talk: Conversation, text: str, question: Question) -> Answer | 
         for one in things.items
     ]
     return aside(talk, text, *(told or things.reasons)) if told or things.reasons else None
+
+
+def tell_pace(talk: Conversation, text: str, question: Question) -> Answer | None:
+    """Tell a vehicle's speed, and whether it changes where that is known."""
+    things = find_things(talk, question)
+    if not things.found:
+        whose = "our own speed" if question.of_us else "which vehicle is meant"
+        return aside(talk, text, *things.reasons) if things.reasons else unknown(talk, text, whose)
+    if _NEARER.search(text.lower()):
+        yes = ("yes: " if approaches(one) else "no: " for one in things.items)
+        return aside(
+            talk, text, *(f"{a}{describe_one(b, talk.scene)}" for a, b in zip(yes, things.items, strict=True))
+        )
+    told = [f"{describe_one(one, talk.scene)}{describe_change(one)}" for one in things.items]
+    open_ = any(one.acceleration_mps2 is None for one in things.items)
+    return aside(talk, text, *told, *([f"{NOT_KNOWN}: whether it gets faster or slower"] if open_ else []))

@@ -43,6 +43,10 @@ _ON_OUR_WAY = ("before", "past")
 _SHORT = 6
 
 
+# Pronouns of things, of which no other word tells the class.
+_THINGS = ("it", "that", "this")
+
+
 class Evidence(NamedTuple):
     """How well the grammar understood a sentence.
 
@@ -188,7 +192,8 @@ def _by_network(query: Query, evidence: Evidence, prediction: Prediction) -> Que
         values["action"] = main  # both are commanded: which one takes the vehicle is the grammar's
     # "The white one": the scene tells which vehicle that is. "That one": no word names a class.
     by_scene = query.sought is not None and not evidence.dropped and evidence.words <= _SHORT
-    nameless = query.unresolved and not (prediction.head or evidence.dropped or evidence.unknown)
+    sure = query.unresolved in _THINGS or not (evidence.dropped or evidence.unknown)
+    nameless = query.unresolved and not prediction.head and sure
     if by_scene or nameless:
         values["noun"] = NONE
     if evidence.whole and query.landmark == "secondary" and query.referent is None and values["relation"] == NONE:
