@@ -9,7 +9,7 @@ import numpy as np
 from appocc.checks import BoolArray, FloatArray, check_shape, frozen
 from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import footprints
-from appocc.motion_state import STANDING_MPS
+from appocc.motion_state import MOVING_MPS, STANDING_MPS
 
 # Plain nouns for the first part of a category that is not one itself.
 _PLAIN_NOUNS = {
@@ -84,6 +84,11 @@ class SceneObject:
     def is_standing(self) -> bool | None:
         """Whether it stands; None where its speed is unknown."""
         return None if self.speed_mps is None else self.speed_mps < STANDING_MPS
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether it is known to move."""
+        return self.speed_mps is not None and self.speed_mps >= MOVING_MPS
 
     def distance_m(self, ego: EgoVehicle) -> float:
         """Return the distance from the ego's centre to the object's centre."""

@@ -184,11 +184,16 @@ def _has_no_middle(row: Sequence[Candidate]) -> bool:
 
 
 def take_next(talk: Conversation, text: str, sign: float) -> Answer:
-    """Take the next vehicle of the same kind along our way (sign -1: the one before): "one further"."""
+    """Take the next vehicle of the same kind in its line along our way (sign -1: the one before): "one further".
+
+    After a car it may be of any kind; a row of standing vehicles has no moving ones.
+    """
     request, last = talk.state.request, talk.meant
     if request is None or request.query.referent is None or last is None:
         return take_other(talk, text)
-    sought = Referent(request.query.referent.noun, request.query.referent.head, definite=False)
+    noun, head = request.query.referent.noun, request.query.referent.head
+    noun, head = ("vehicle", "vehicle") if noun == "car" else (noun, head)
+    sought = Referent(noun, head, definite=False)
     query = replace(request.query, command=text, referent=sought, secondary=(), excluded=())
     request = Request(reading=request.reading.with_query(query))
     found = resolve(query, without(talk.scene, frozenset({last.item.id})))
@@ -196,7 +201,9 @@ def take_next(talk: Conversation, text: str, sign: float) -> Answer:
     along, lateral = np.array(talk.scene.lanes.project(places)) - np.array(
         talk.scene.lanes.project(last.item.centre_m[None])
     )
-    beyond = np.where((sign * along > 0) & (np.abs(lateral) < LANE_M), sign * along, np.inf)
+    in_row = [one.item.is_standing or not last.item.is_standing for one in found.candidates]
+    in_line = (sign * along > 0) & (np.abs(lateral) < LANE_M / 2) & np.array(in_row, dtype=bool)
+    beyond = np.where(in_line, sign * along, np.inf)
     if not np.isfinite(beyond).any():
         where = "further on" if sign > 0 else "before it"
         return inform(talk, text, f"no other {sought.head} is {where}")

@@ -30,6 +30,8 @@ _SENTENCE = re.compile(r"(?<=[.!?])\s+(?=\S)")
 # Words of "it's" and "they're" before an event, and the event of a vehicle or person that is let through.
 _SHORT = ("'s", "'re")
 _PASSED = ("has", "passed")
+# Events after which who comes is out of our way.
+_GONE = ("pass", "leave")
 # Pronouns of those in the car.
 _OURSELVES = ("i", "we", "you", "us", "me")
 # Words that tell an event, and the most of them in a turn: for each of them both sides are read.
@@ -140,7 +142,7 @@ def _about_meant(talk: Conversation, step: Request) -> Request:
     plain = step.query.unresolved or (named is not None and not (named.colour or named.qualifiers))
     points = plain and not any(one.category in (WordCategory.NOUN, WordCategory.PERSON) for one in tokens)
     asked = talk.last_told.question.kind if talk.last_told is not None else ""
-    coming = find_told(talk) if points and step.query.trigger == "pass" and asked == "coming" else []
+    coming = find_told(talk) if points and step.query.trigger in _GONE and asked == "coming" else []
     first = talk.state.goal.plan.passes_first if talk.state.goal is not None else None
     coming = [one for one in coming if one.item == first] or coming
     if coming:
@@ -161,10 +163,13 @@ def _stops_with(awaited: Awaited, wait: Request) -> bool:
 def _await_coming(talk: Conversation, text: str, words: Words) -> Answer | None:
     """Wait for who was told to come, where no goal is in force: "wait till it's past"; None for other turns."""
     awaited = _read_awaited(talk, words, "") if talk.state.question is None else None
-    if awaited is None or awaited.wait is None or awaited.command is not None:
+    if awaited is None or awaited.wait is None:
         return None
     waits = [_about_meant(talk, one) for one in requests_of(said(awaited.wait, text))]
-    return talk.take(waits) if all(one.chosen is not None for one in waits) else None
+    if any(one.chosen is None for one in waits):
+        return None
+    then = requests_of(said(awaited.command, text)) if awaited.command is not None else ()
+    return talk.take((*waits, *then))
 
 
 def _without(steps: Sequence[Request], waits: Sequence[Request]) -> list[Request]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from appocc.geometry import wrap_angle
-from appocc.motion_state import MOVING_MPS, STANDING_MPS
+from appocc.motion_state import STANDING_MPS
 from appocc.polylines import length_m
 from grounding.answer import Answer
 from grounding.describe import describe_object
@@ -75,7 +75,7 @@ def describe_facing(item: SceneObject, scene: SceneModel) -> str:
 
 def approaches(item: SceneObject) -> bool:
     """Return whether an object drives towards us, from wherever: not one that has passed."""
-    moves = item.front_known and item.speed_mps is not None and item.speed_mps >= MOVING_MPS
+    moves = item.front_known and item.is_moving
     towards_rad = np.arctan2(-item.centre_m[1], -item.centre_m[0])
     return bool(moves and abs(wrap_angle(item.yaw_rad - towards_rad)) < _ALONG_RAD)
 

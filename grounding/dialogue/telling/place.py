@@ -12,10 +12,13 @@ from grounding.dialogue.telling.measures import describe_one
 from grounding.dialogue.telling.phrases import describe_goal
 from grounding.dialogue.telling.reports import NOT_KNOWN, aside, tell_goal, unknown
 from grounding.dialogue.telling.things import find_things
+from grounding.goal.ego_lane import is_standing
 from grounding.goal.planner import Target
-from grounding.language import WordCategory
+from grounding.language import Reading, WordCategory
 from grounding.language.questions import Question
+from grounding.query import Query
 from grounding.referent.scene import SceneModel
+from grounding.requests import Request
 from grounding.road.free_space import gap_m
 from grounding.scene_object import SceneObject
 
@@ -61,6 +64,14 @@ def place_of(talk: Conversation) -> Target | None:
     """Return the goal in force, else the place that is offered; None without one."""
     about = talk.state.goal or talk.state.question
     return None if about is None else about.target or about.plan.nearest
+
+
+def standing_place(talk: Conversation) -> Target | None:
+    """Return the goal or the place that is offered, else where we are known to stand now; None without one."""
+    road = talk.scene.road
+    if (place := place_of(talk)) is not None or road is None or not is_standing(road):
+        return place
+    return talk.answer_steps([Request(reading=Reading(Query("", "stop", ("stop",))))]).target
 
 
 def things_at(talk: Conversation, question: Question) -> list[SceneObject]:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 
-from appocc.motion_state import MOVING_MPS
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.telling.between import split_two, tell_apart, tell_between, tell_gap_to_us
@@ -124,7 +123,7 @@ def _answer(talk: Conversation, text: str, question: Question) -> Answer | None:
         return told
     if (
         "out" in question.kinds
-        and question.kind in ("room", "gap", "tight")
+        and question.kind in ("room", "gap", "tight", "safe")
         and (told := tell_sides(talk, text, question))
     ):
         return told
@@ -222,10 +221,10 @@ def _tell_motion(talk: Conversation, text: str, question: Question, moving: bool
     if len(things.found) != 1:
         return _tell_description(talk, text, question)
     (item,) = things.items
-    moves = item.speed_mps is not None and item.speed_mps >= MOVING_MPS
     later = "future" in question.kinds
     asked = not (question.event or later or {"moving", "standing"} <= {*question.kinds})
-    answer = ("yes: " if moves == moving else "no: ") if asked and (moves or item.is_standing) else ""
+    asked = asked and (item.is_moving or bool(item.is_standing))
+    answer = ("yes: " if item.is_moving == moving else "no: ") if asked else ""
     unknown_then = BEFORE if question.event else _LATER if later else ()
     return aside(talk, text, f"{answer}{describe_one(item, talk.scene)}", *unknown_then)
 
@@ -235,7 +234,9 @@ def _tell_which_move(talk: Conversation, text: str, question: Question, moving: 
     tokens = talk.read(question.words).tokens if question.words else ()
     if any(one.category in POINTING for one in tokens):
         return None
-    thing = "" if names_thing(talk, question.words) else "vehicles"
+    # "Who is parked in front of the truck?"
+    placed = any(one.category in (WordCategory.RELATION, WordCategory.WHERE) for one in tokens[:1])
+    thing = "" if names_thing(talk, question.words) and not placed else "vehicles"
     named = (one.text for one in tokens if one.category not in (WordCategory.AUX, WordCategory.THE))
     words = " ".join(filter(None, ("the", "moving" if moving else "parked", thing, *named)))
     return tell_found(talk, text, replace(question, words=words))

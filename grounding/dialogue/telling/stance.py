@@ -10,7 +10,7 @@ from appocc.checks import FloatArray
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.telling.measures import describe_one, gap_ends_m
-from grounding.dialogue.telling.place import describe_kerb, kerb_gap, place_of
+from grounding.dialogue.telling.place import describe_kerb, kerb_gap, place_of, standing_place
 from grounding.dialogue.telling.reports import aside, unknown
 from grounding.dialogue.telling.things import NAMING
 from grounding.goal.limits import is_in_the_road
@@ -69,7 +69,7 @@ def _why_backwards(place: Target, scene: SceneModel) -> str:
 
 def tell_blocking(talk: Conversation, text: str, question: Question) -> Answer | None:
     """Tell whether others have to drive around us at the goal, or whether we are at the edge of the road there."""
-    place = place_of(talk)
+    place = standing_place(talk)
     if place is None:
         return unknown(talk, text, _NO_GOAL)
     edge, road = kerb_gap(place, talk.scene), talk.scene.road
@@ -83,7 +83,7 @@ def tell_blocking(talk: Conversation, text: str, question: Question) -> Answer |
 
 def tell_sides(talk: Conversation, text: str, question: Question) -> Answer | None:
     """Tell how much room there is beside us at the goal: for the doors."""
-    place = place_of(talk)
+    place = standing_place(talk)
     if place is None:
         return unknown(talk, text, _NO_GOAL)
     named = [side for side in _SIDES if re.search(rf"\b{side}\b", text.lower())]
@@ -92,9 +92,10 @@ def tell_sides(talk: Conversation, text: str, question: Question) -> Answer | No
         f"on our {side}: {f'{gap_m:.1f} m to {describe_one(item, talk.scene)}' if item else 'no vehicle near'}"
         for side, (item, gap_m) in gaps.items()
     ]
-    free = [side for side, (_, gap_m) in gaps.items() if gap_m >= _DOOR_M]
+    free = [side for side, (item, gap_m) in gaps.items() if gap_m >= _DOOR_M and not (item and item.is_moving)]
     yes = "yes" if len(free) == len(gaps) else f"yes, on our {free[0]} only" if free else "no"
-    return aside(talk, text, f"{yes}: there at the goal", *told)
+    where = "where we stand" if place_of(talk) is None else "there at the goal"
+    return aside(talk, text, f"{yes}: {where}", *told)
 
 
 def names_one_beside_us(talk: Conversation, words: str) -> bool:

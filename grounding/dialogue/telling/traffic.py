@@ -17,7 +17,7 @@ from grounding.dialogue.telling.things import describe_any, find_things
 from grounding.goal.conflicts import explain_conflicts
 from grounding.language.questions import Question
 from grounding.query import Referent
-from grounding.referent.resolver import MAX_CANDIDATES, find_all
+from grounding.referent.resolver import MAX_CANDIDATES, Candidate, find_all
 from grounding.requests import requests_of
 from grounding.road.lane_model import LANE_M
 from grounding.scene_object import SceneObject
@@ -57,6 +57,9 @@ def tell_coming(talk: Conversation, text: str, question: Question) -> Answer:
         told += [f"beside us: {describe_one(one, talk.scene)}" for one in beside]
         coming = [*beside, *coming]
     talk.list_items(coming)  # "wait till it's past"
+    if coming and talk.state.goal is None and talk.state.question is None:
+        focus = Candidate(coming[0], {}, 1.0), Referent(coming[0].class_name, coming[0].common_name)
+        talk.state = replace(talk.state, focus=focus, topic=None)
     where = "nothing that is seen there" if words else "nothing that is seen"
     yes = [] if "description" in question.kinds else ["yes"]  # "what colour is the car coming towards us?"
     return aside(talk, text, *([*yes, *told] if told else [f"no: {where} comes towards us"]))

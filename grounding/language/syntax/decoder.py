@@ -14,7 +14,7 @@ from typing import NamedTuple
 from grounding.language.syntax.asides import Asides
 from grounding.language.syntax.lexicon import Lexicon
 from grounding.language.syntax.spelling import EXTRA_BLANK, SpellingCandidates
-from grounding.language.syntax.word_categories import WordCategory
+from grounding.language.syntax.word_categories import NOUNS, WordCategory
 from grounding.language.syntax.word_model import BOUNDARY, WordModel, symbol
 
 _BEAM = 12
@@ -22,6 +22,8 @@ _BEAM = 12
 _LEAST_PHRASE = 4
 # Words between the numbers of an estimate.
 _BOUNDS = ("or", "to")
+# Forms of nouns of several things: that of "vans" is also a verb's.
+_PLURAL = ("plural", "s")
 # Most letters of a word that is spelled out.
 _MAX_SPELLED = 5
 
@@ -86,7 +88,10 @@ class Decoder:
         return list(best.values())[:most]
 
     def _right_as_written(self, written: Sequence[str]) -> set[int]:
-        """Return the words inside whole phrases ("tight to the kerb" is not "right to ...") and between numbers."""
+        """Return the words that are right: in whole phrases, between numbers, and numbers before nouns.
+
+        "Tight to the kerb" is not "right to the kerb", and "the next 2 cars" is not "next to cars".
+        """
         right: set[int] = set()
         for i in range(len(written)):
             match = self._lexicon.longest_match(tuple(written), i)
@@ -94,7 +99,13 @@ class Decoder:
                 right.update(range(i, match[0]))
             if 0 < i < len(written) - 1 and written[i] in _BOUNDS:
                 right |= {i} if self._is_number(written[i - 1]) and self._is_number(written[i + 1]) else set()
+            if written[i].isdigit() and self._is_plural(" ".join(written[i + 1 : i + 2])):
+                right.add(i)
         return right
+
+    def _is_plural(self, word: str) -> bool:
+        match = self._lexicon.longest_match((word,), 0)
+        return match is not None and match[1].category in NOUNS and self._lexicon.forms.get(word) in _PLURAL
 
     def _is_number(self, word: str) -> bool:
         match = self._lexicon.longest_match((word,), 0)
