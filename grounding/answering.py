@@ -347,7 +347,7 @@ def _plan(
     named = item
     for shift in request.shifts:
         named = next((one for one in scene.table.items if one.id == shift.vehicle), item)
-        goal_plan = shift_goal(goal_plan, shift, scene, road, named)
+        goal_plan = shift_goal(goal_plan, shift, query, scene, road, named)
     name = "it" if named is None or named is item else f"the {describe_object(named, scene)}"
     return explain_moved(goal_plan, query, road, named, name) if request.shifts else goal_plan
 

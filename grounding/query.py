@@ -246,6 +246,21 @@ class Query:
         return replace(self, landmark="secondary", secondary=(Landmark(thing, self.relation),), excluded=())
 
     @property
+    def crossed(self) -> str | None:
+        """What a command drives through: a noun of the map, "junction" for straight on; None for nothing."""
+        through = (one.noun for one in self.secondary if one.of == "goal" and one.relation in ("in", "into", "on"))
+        known = (one for one in through if one in LANDMARK_KINDS)
+        return next(known, "junction" if self.direction == "straight" else None)
+
+    def beyond(self, crossed: str | None) -> Query:
+        """Return a place on the other side as past what is driven through: "go over it and stop on the far side"."""
+        stands = self.action in ("park", "stop", "pull_over", "wait")
+        if crossed is None or not stands or self.road_side != "opposite" or self.referent is not None:
+            return self
+        past = Landmark(crossed, "past")
+        return replace(self, road_side=None, relation="past", landmark="secondary", secondary=(past,))
+
+    @property
     def pace(self) -> Pace | None:
         """What a command without a place asks for: "slow down", "faster", "wait"; None if it asks for a place."""
         placed = self.relation != "none" or self.distance_m is not None or self.landmark == "secondary"

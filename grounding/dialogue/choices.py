@@ -191,9 +191,9 @@ def take_next(talk: Conversation, text: str, sign: float) -> Answer:
     request, last = talk.state.request, talk.meant
     if request is None or request.query.referent is None or last is None:
         return take_other(talk, text)
-    noun, head = request.query.referent.noun, request.query.referent.head
-    noun, head = ("vehicle", "vehicle") if noun == "car" else (noun, head)
-    sought = Referent(noun, head, definite=False)
+    before = request.query.referent
+    alike = ("vehicle", "vehicle") if before.noun == "car" else (before.noun, before.head)
+    sought = Referent(*alike, definite=False)
     query = replace(request.query, command=text, referent=sought, secondary=(), excluded=())
     request = Request(reading=request.reading.with_query(query))
     found = resolve(query, without(talk.scene, frozenset({last.item.id})))
@@ -206,7 +206,7 @@ def take_next(talk: Conversation, text: str, sign: float) -> Answer:
     beyond = np.where(in_line, sign * along, np.inf)
     if not np.isfinite(beyond).any():
         where = "further on" if sign > 0 else "before it"
-        return inform(talk, text, f"no other {sought.head} is {where}")
+        return inform(talk, text, f"no other {before.head} is {where}")
     return talk.choose(found.candidates[int(np.argmin(beyond))], request)
 
 

@@ -350,7 +350,8 @@ def _answer(talk: Conversation, text: str, reply: Reply, turn: Turn | None) -> A
         return answer_command(talk, text, reply.rest, then=True, turn=turn)
     if moved := move_in_lane(talk, text, reply):
         return moved
-    if talk.is_opening and reply.shift and not talk.readings(text)[0].problem:
+    moves = reply.shift or "elsewhere" in reply.kinds
+    if talk.is_opening and moves and not talk.readings(text)[0].problem:
         return answer_command(talk, text, text)  # "forward ten metres": there is no goal yet that it may move
     if answer := _answer_reply(talk, text, reply):
         return answer

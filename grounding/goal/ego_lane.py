@@ -27,6 +27,8 @@ _LANE_SLACK_M, CHANGE_M, _CHANGE_SPREAD_M = 1.2, DistanceRange(8.0, 15.0, 25.0),
 _SAME_WAY = 0.7
 # Least share of road in a lane, and share of parked vehicles from which on it is their row.
 _LANE_SHARE, _PARKED_SHARE = 0.9, 0.25
+# Least share of the cells beside us on the side of oncoming traffic, for a lane of it.
+_ONCOMING_SHARE = 0.5
 # Cost of candidates beyond an obstacle in the lane.
 _BEYOND = 3.0
 # Gap to the road edge: preferred, standard deviation of its cost, and how much greater it may be.
@@ -66,12 +68,23 @@ def propose_in_lane_of(road: RoadMap, offset_m: float, ahead: DistanceRange, wor
 def propose_next_lane(road: RoadMap, side: str | None) -> list[CandidateSet]:
     """Propose candidates in the lane to the left or right of the ego lane (None: either)."""
     sides = [(name, sign) for name, sign in (("left", 1.0), ("right", -1.0)) if side in (name, None)]
-    return [
-        _along_lane(
-            road, _offset_of_lane(road, sign), _LANE_SLACK_M, CHANGE_M, _CHANGE_SPREAD_M, f"one lane to the {name}"
-        )
-        for name, sign in sides
-    ]
+    found = []
+    for name, sign in sides:
+        words, offset_m = f"one lane to the {name}", _offset_of_lane(road, sign)
+        lane = _along_lane(road, offset_m, _LANE_SLACK_M, CHANGE_M, _CHANGE_SPREAD_M, words)
+        if is_oncoming_lane(road, name):  # a junction has no sides, the lane that leads there has
+            lane = lane.subset(~road.junctions[tuple(lane.cells.T)])
+        found.append(lane)
+    return found
+
+
+def is_oncoming_lane(road: RoadMap, side: str) -> bool:
+    """Return whether the next lane on one side is that of oncoming traffic, beside us and outside junctions."""
+    offset_m = _offset_of_lane(road, 1.0 if side == "left" else -1.0)
+    beside = (np.abs(road.along_m) < CHANGE_M.least_m) & (np.abs(road.lateral_m - offset_m) < road.grid.cell_m)
+    cells = np.argwhere(beside & road.drivable & ~road.junctions)
+    headings = road.ego_lane.heading_rad(road.along_m[tuple(cells.T)])
+    return len(cells) > 0 and bool(road.is_oncoming_side(cells, headings).mean() > _ONCOMING_SHARE)
 
 
 def _offset_of_lane(road: RoadMap, sign: float) -> float:
@@ -107,9 +120,10 @@ def _along_lane(
     region = (along >= least_m) & (along <= last_m) & (np.abs(lateral - offset_m) <= slack_m)
     cells = np.argwhere(region)
     cost = ((along[region] - preferred_m) / spread_m) ** 2 + ((lateral[region] - offset_m) / _LATERAL_M) ** 2
-    # The ego stays behind obstacles in the lane.
+    # The ego stays behind obstacles in the lane; traffic ahead drives on.
     in_lane = (along > 0) & (np.abs(lateral - offset_m) < road.ego.width_m / 2)
-    blocked = in_lane & ((road.free_space.cell_flags & TAKEN) > 0)
+    stays = road.after_traffic() or road
+    blocked = in_lane & ((stays.free_space.cell_flags & TAKEN) > 0)
     cost += _BEYOND * (along[region] > np.min(along[blocked], initial=np.inf))
     heading = road.blend_headings(cells, road.ego_lane.heading_rad(along[region]))
     return CandidateSet(words, cells, cost, heading, along[region], "ahead")

@@ -42,6 +42,8 @@ _CREEP_M, _BACK_M = DistanceRange(0.8, 2.5, 6.0), 3.0
 _SHORT_OF_M = 5.0
 # Distance ahead to turn round, and beyond the vehicle to which we come back then.
 _TURN_M, _TURN_BEYOND_M = 3.0, 14.0
+# A road that branches off at a smaller angle, by its cosine, is a fork: to keep left is to take it.
+_FORK_COS = 0.64
 # A vehicle whose side is this close to the centreline is in our way.
 _IN_OUR_WAY_M = 1.5
 # Gaps of a place at the kerb to the vehicle before or past which it is.
@@ -274,8 +276,10 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
         return None, explain_passed(road, query.direction) or [f"no road to the {query.direction} is known behind us"]
     if turn and query.direction and action not in ("change_lane", "follow", "overtake"):
         turning = propose_side_road(road, query.direction, count=query.count or 1)
-        keeps = action == "other" and not turning[0] and query.count is None
-        return _propose_lane_change(query, road, ()) if keeps else turning  # "keep right" where no road branches off
+        keeps = action == "other" and query.count is None and not any(_forks(one, road) for one in turning[0] or ())
+        return (
+            _propose_lane_change(query, road, ()) if keeps else turning
+        )  # "keep right" where the road does not fork
     if query.direction == "around":
         return ego_lane.propose_turned_around(road, _TURN_M), []
     lanes = [word for part in query.secondary if part.noun == "lane" for word in part.qualifiers]
@@ -311,6 +315,11 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
     return None, [f"the command names no vehicle to {(action or '').replace('_', ' ')}"]
 
 
+def _forks(side_road: CandidateSet, road: RoadMap) -> bool:
+    """Return whether a road branches off at a small angle."""
+    return bool(np.any(np.cos(side_road.heading_rad - road.start.heading_rad) > _FORK_COS))
+
+
 def _propose_lane_change(query: Query, road: RoadMap, lanes: Sequence[str]) -> OptionalProposal:
     """Return the candidate sets of a lane change; where ours is the lane at the kerb, it is kept."""
     asked, kerb_side = query.direction or query.goal_side, road.sides.kerb
@@ -319,6 +328,9 @@ def _propose_lane_change(query: Query, road: RoadMap, lanes: Sequence[str]) -> O
         return ego_lane.propose_in_lane(road, _ON_M, "in our lane"), [f"the {kerb_side} lane is ours: we keep it"]
     unknown = "the map counts no lanes" if "middle_lane" in lanes else "no side is named"
     reasons = [] if asked else [f"{unknown}: either lane will do"]
+    if asked and query.action == "other" and ego_lane.is_oncoming_lane(road, asked):
+        why = f"the lane to the {asked} is that of oncoming traffic: we keep ours"
+        return ego_lane.propose_in_lane(road, _ON_M, "in our lane"), [why]
     found = ego_lane.propose_next_lane(road, asked)
     if not asked and ours_at_kerb:
         ours = ego_lane.propose_in_lane(road, ego_lane.CHANGE_M, "in our lane")

@@ -10,6 +10,7 @@ from appocc.checks import FloatArray
 from appocc.geometry import apply, inverse, wrap_angle
 from grounding.goal.candidates import CandidateSet
 from grounding.goal.explanations import explain_behind_us, explain_from, explain_second_row, explain_way
+from grounding.goal.limits import NO_LIMITS, PlaceLimits
 from grounding.goal.planner import GoalPlan, Target, to_target
 from grounding.goal.search import CandidateSearch
 from grounding.query import Query
@@ -58,13 +59,14 @@ class Shift:
 
 
 def shift_goal(
-    goal_plan: GoalPlan, shift: Shift, scene: SceneModel, road: RoadMap, item: SceneObject | None = None
+    goal_plan: GoalPlan, shift: Shift, query: Query, scene: SceneModel, road: RoadMap, item: SceneObject | None = None
 ) -> GoalPlan:
     """Move the goal of a plan.
 
     Args:
         goal_plan: plan with a target; a plan without one is returned as it is.
         shift: direction and distance.
+        query: the command; nobody is moved into a junction to park there.
         scene: the scene of the command.
         road: the road map of that scene.
         item: reference vehicle; without one, "away" is ahead and "near" is back.
@@ -79,12 +81,14 @@ def shift_goal(
     direction = _direction(shift.direction, target, item)
     along_lane = item is None and shift.direction in ("ahead", "back", "away", "near")
     blocked: GoalPlan | None = None
+    asked = PlaceLimits.of(query, road.traffic_side)
+    limits = replace(NO_LIMITS, clear_of_junctions=asked.clear_of_junctions, clear_m=asked.clear_m)
     for share in _SHARES[: 1 if shift.whole else None]:
         length_m = max(share * shift.distance_m, road.grid.cell_m)  # no place is nearer to another one
         wanted, heading_rad = target.ego_m + length_m * direction, target.heading_ego_rad
         if along_lane and (on_lane := _along_lane(target, length_m * direction, road)) is not None:
             wanted, heading_rad = on_lane
-        moved = _plan_near(wanted, heading_rad, shift.words, scene, road, item)
+        moved = _plan_near(wanted, heading_rad, shift.words, scene, road, item, limits)
         blocked = blocked or (moved if moved.target is None else None)
         moved_m = 0.0 if moved.target is None else _length_m(moved.target.ego_m - target.ego_m, wanted - target.ego_m)
         if moved_m >= max(_LEAST_SHARE * length_m, _LEAST_M):
@@ -129,6 +133,7 @@ def _plan_near(
     scene: SceneModel,
     road: RoadMap,
     item: SceneObject | None = None,
+    limits: PlaceLimits = NO_LIMITS,
 ) -> GoalPlan:
     """Return the plan to the valid pose nearest to a point (2,), ego frame."""
     cells = road.grid.cell_of(wanted) + np.argwhere(np.ones((9, 9))) - 4
@@ -136,11 +141,12 @@ def _plan_near(
     off_m = np.linalg.norm(road.grid.centre_of(cells) - wanted, axis=1)
     near = off_m <= _TOLERANCE_M
     candidates = CandidateSet(words, cells[near], off_m[near] ** 2, np.full(int(near.sum()), heading_rad))
-    search = CandidateSearch([candidates.with_detour_cost(road)], scene, road, [item] if item else [])
+    kept = [item] if item else []
+    search = CandidateSearch([candidates.with_detour_cost(road)], scene, road, kept, limits=limits)
     found, way = search.find_reachable(1)
-    later = road.after_traffic([item] if item else []) if not found or way is None else None
+    later = road.after_traffic(kept) if not found or way is None else None
     if later is not None:  # those ahead of us have driven on by then
-        again = CandidateSearch([candidates.with_detour_cost(later)], scene, later, [item] if item else [])
+        again = CandidateSearch([candidates.with_detour_cost(later)], scene, later, kept, limits=limits)
         found, way = again.find_reachable(1)
     if not found or way is None:
         return GoalPlan(None, tuple(search.explain_failure()[-1]), search=search)

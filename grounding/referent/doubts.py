@@ -8,6 +8,7 @@ import numpy as np
 
 from grounding.query import Query, Referent
 from grounding.referent.clarification import describe_one
+from grounding.referent.ordinals import is_plural
 from grounding.referent.priors import OTHER_STREET_M, includes_behind
 from grounding.referent.scene import SceneModel
 from grounding.vocabulary import PERSON_NOUNS
@@ -36,12 +37,13 @@ def question_about(
         return ""
     item = scene.table.items[row]
     coloured = f"{referent.colour or ''} {referent.head}".strip()
+    be = "are" if is_plural(referent.head) else "is"
     if _has_other_colour(referent, row, word_fits, scene):
-        return f"no {coloured} is seen: do you mean {describe_one(item, scene)}?"
+        return f"no {coloured} {be} seen: do you mean {describe_one(item, scene)}?"
     if lacks_class(referent, row, word_fits, scene):
-        return f"no {referent.head} is seen: do you mean {describe_one(item, scene)}?"
+        return f"no {referent.head} {be} seen: do you mean {describe_one(item, scene)}?"
     where = _out_of_sight(query, referent, row, scene)
-    return f"there is no {coloured} ahead, only {where}: do you mean {describe_one(item, scene)}?" if where else ""
+    return f"there {be} no {coloured} ahead, only {where}: do you mean {describe_one(item, scene)}?" if where else ""
 
 
 def fits_badly(referent: Referent, row: int, word_fits: Mapping[str, float], scene: SceneModel) -> bool:

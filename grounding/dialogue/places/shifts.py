@@ -24,7 +24,7 @@ from grounding.goal.shift import Shift
 from grounding.language.replies import Reply
 from grounding.query import Direction, Query
 from grounding.referent.resolver import resolve
-from grounding.requests import Request, requests_of
+from grounding.requests import STOPS, Request, requests_of
 from grounding.road.lane_model import LANE_M
 from grounding.vocabulary import LANDMARK_KINDS, Relation, ShiftDirection
 
@@ -88,6 +88,10 @@ def shift_last(talk: Conversation, text: str, shift: Shift) -> Answer:
         return talk.settle(steps, answer)
     if offered is not None:
         return replace(ask_again(talk, text), reasons=(f"there is no room {shift.words} of that place",))
+    if shift == Shift("ahead", BIT_M) and last.chosen is None and last.query.action in STOPS:
+        farther = move_elsewhere(talk, text, ("ahead",))
+        if farther.status == "ok":  # "a bit further" along a full kerb
+            return replace(farther, reasons=(*farther.reasons, "there is no room nearer than that"))
     if shift.distance_m == BIT_M:
         return inform(talk, text, f"there is no room {shift.words}: the goal stays where it was")
     return replace(answer, reasons=(*answer.reasons, "the goal stays where it was"))

@@ -52,7 +52,7 @@ from grounding.dialogue.telling.things import (
     find_things,
     names_thing,
 )
-from grounding.dialogue.telling.traffic import tell_coming, tell_lane, tell_pace, tell_safe, tell_waiting
+from grounding.dialogue.telling.traffic import UNSURE, tell_coming, tell_lane, tell_pace, tell_safe, tell_waiting
 from grounding.language import WordCategory
 from grounding.language.questions import Question, read_question
 from grounding.language.replies import says_no
@@ -63,6 +63,8 @@ from grounding.scene_object import SceneObject
 _FOUND = ("exists", "place", "what", "which")
 # Kinds about room at a place.
 _OF_ROOM = ("room", "gap", "tight", "spot")
+# Kinds that are about the doors, where somebody gets out.
+_OF_DOORS = ("room", "gap", "tight", "safe")
 # Kinds of a question that only asks whether we move: "are we still standing?"
 _OF_OUR_MOTION = {"moving", "standing", "us", "slow"}
 _AGES = re.compile(
@@ -121,12 +123,8 @@ def _answer(talk: Conversation, text: str, question: Question) -> Answer | None:
     beside = "beside" in question.kinds and question.kind != "gap"  # "how much space will there be in front of us?"
     if (beside or _is_of_place(talk, question)) and (told := tell_beside(talk, text, question)):
         return told
-    if (
-        "out" in question.kinds
-        and question.kind in ("room", "gap", "tight", "safe")
-        and (told := tell_sides(talk, text, question))
-    ):
-        return told
+    if "out" in question.kinds and question.kind in _OF_DOORS and (told := tell_sides(talk, text, question)):
+        return replace(told, reasons=(*told.reasons, UNSURE)) if question.kind == "safe" else told
     if question.limit:
         return unknown(talk, text, question.limit)
     if told := tell_against_us(talk, text, question):

@@ -25,6 +25,7 @@ from grounding.scene_object import SceneObject
 # What holds of every place that is found, and of a way that nobody comes into.
 _KEPT = "the place is on the road, and clear of all vehicles that are seen"
 _CLEAR = "nobody who is seen drives into our way there, at the speeds of now"
+UNSURE = f"{NOT_KNOWN}: signs, rules of parking, and what others will do"
 # Whether somebody comes nearer.
 _NEARER = re.compile(r"\b(?:closer|nearer|towards? (?:us|me)|at us|our way)\b")
 # Where those are who come from behind, and what stands for a vehicle before its place.
@@ -101,7 +102,7 @@ def tell_safe(talk: Conversation, text: str, question: Question) -> Answer:
     elif answer is not None and answer.target is not None:
         first = answer.plan.passes_first
         told = [*([] if named else [_KEPT]), *(explain_conflicts([first], talk.scene) if first else [_CLEAR])]
-    return aside(talk, text, *told, f"{NOT_KNOWN}: signs, rules of parking, and what others will do")
+    return aside(talk, text, *told, UNSURE)
 
 
 def _describe_lane(talk: Conversation, side: str) -> str:

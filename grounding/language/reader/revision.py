@@ -27,7 +27,7 @@ _LEAST = 1e-4
 _TRUST_WHOLE, _TRUST = 3.5, 1.0
 # Least log odds at which a sentence is a command that the grammar takes for none, and at which it remains one: the
 # weights are fitted on sentences of which seven in eight are commands.
-_LEAST_ODDS, _LEAST_ODDS_KEPT, _LEAST_ODDS_REFUSED = 2.5, 1.0, 0.0
+_LEAST_ODDS, _LEAST_ODDS_KEPT, _LEAST_ODDS_REFUSED = 2.5, 1.0, -1.0
 # Log odds of a command beyond which they tell no more of its reading.
 _MOST_ODDS = 6.0
 # Least probability of an action, beside the main one, that stays commanded: "two mins" is no wait, and "I'm walking

@@ -88,6 +88,7 @@ def build_query(text: str, discourse: Discourse) -> BuiltQuery:
         return _query(text, discourse, about, stated, every, excluded)
 
     query = query_of(main, commands, intents)
+    query = query.beyond(query.crossed)
     steps, main_step = plan_steps(discourse, commands, main, query, query_of)
     postmodifiers = tuple(main.referent.postmodifiers) if main.referent is not None else ()
     return BuiltQuery(query, postmodifiers, steps, main_step)
@@ -213,7 +214,9 @@ def _build_prohibition(text: str, discourse: Discourse, excluded: tuple[Exclusio
     frame = next((one for one in reversed(discourse.frames) if one.target is not None), None)
     phrase = None if frame is None or frame.target is None else resolve_anaphor(discourse, frame.target)
     if frame is None or phrase is None or phrase.kind not in ("vehicle", "person"):
-        return Query(command=text, action=action, actions=(action,), excluded=excluded)
+        goes_on = not excluded and actions[-1] in ("park", "stop", "pull_over")  # "don't stop here"
+        manoeuvre: Manoeuvre | None = "onward" if goes_on else None
+        return Query(command=text, action=action, actions=(action,), excluded=excluded, manoeuvre=manoeuvre)
     referent = _referent(discourse, phrase, frame, frame.target is not phrase)
     return Query(
         command=text,

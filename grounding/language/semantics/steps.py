@@ -10,13 +10,13 @@ from grounding.language.replies import words_end
 from grounding.language.semantics.discourse.command_frames import Discourse
 from grounding.language.semantics.discourse.coreference import resolve_anaphor
 from grounding.language.semantics.main_action import SIDE_CONNECTIVES, Intent, MainIntent
-from grounding.query import Direction, Query
+from grounding.query import Query, Side
 from grounding.vocabulary import LANDMARK_KINDS, RELATIONS, Relation
 
 # Actions that end where the ego stands, and actions that hold until their event.
 _STANDING = ("park", "stop", "pull_over")
 _HOLDING = ("wait", "give_way")
-_OTHER_SIDE: dict[str | None, Direction] = {"left": "right", "right": "left"}
+_OTHER_SIDE: dict[str | None, Side] = {"left": "right", "right": "left"}
 # Actions that go on until their event: "follow it until it turns".
 _GOING_ON = ("follow", "other")
 # Actions that are about a vehicle: "follow it when it leaves".
@@ -43,12 +43,20 @@ def plan_steps(
     if not any(one.frame is main.intent.frame for one in ordered):
         ordered.append(main.intent)
     ordered.sort(key=lambda one: one.frame.start)
+    faced = [i for i in range(1, len(ordered)) if ordered[i].frame.verb.startswith("facing")]
+    for i in faced:  # "park facing the other way": we turn around first
+        ordered[i - 1 : i + 1] = ordered[i], ordered[i - 1]
     steps = [(one.frame is main.intent.frame, _step(discourse, one, main, query_of)) for one in ordered]
     verbs = [one.frame.verb for one in ordered]
     steps = [
         pair if pair[0] else (False, _changed_back(pair[1], steps[i - 1][1], verbs[i]))
         for i, pair in enumerate(steps)
     ]
+    for i in faced:  # its sides are those of now: "on the left, facing the other way"
+        is_main, step = steps[i]
+        steps[i] = is_main, replace(step, goal_side=_OTHER_SIDE.get(step.goal_side))
+    crossed = [None, *(step.crossed for _, step in steps)]
+    steps = [(is_main, step.beyond(before)) for before, (is_main, step) in zip(crossed, steps, strict=False)]
     follows = [one.frame.connective == "then" for one in ordered]
     steps = [
         pair

@@ -16,12 +16,14 @@ from grounding.language.syntax.lexicon import Lexicon
 from grounding.language.syntax.spelling import EXTRA_BLANK, SpellingCandidates
 from grounding.language.syntax.word_categories import NOUNS, WordCategory
 from grounding.language.syntax.word_model import BOUNDARY, WordModel, symbol
+from grounding.vocabulary import ORDINALS
 
 _BEAM = 12
 # Fewest words of a phrase that is right as written.
 _LEAST_PHRASE = 4
 # Words between the numbers of an estimate.
 _BOUNDS = ("or", "to")
+_TURNS = ("left", "right")
 # Forms of nouns of several things: that of "vans" is also a verb's.
 _PLURAL = ("plural", "s")
 # Most letters of a word that is spelled out.
@@ -101,7 +103,13 @@ class Decoder:
                 right |= {i} if self._is_number(written[i - 1]) and self._is_number(written[i + 1]) else set()
             if written[i].isdigit() and self._is_plural(" ".join(written[i + 1 : i + 2])):
                 right.add(i)
+            if self._names_turn(written, i):
+                right.update((i, i + 1))
         return right
+
+    def _names_turn(self, written: Sequence[str], i: int) -> bool:
+        """Return whether a word is a turn that is counted, and no aside: "next right then first left"."""
+        return i > 0 and written[i] in _TURNS and written[i - 1] in ORDINALS
 
     def _is_plural(self, word: str) -> bool:
         match = self._lexicon.longest_match((word,), 0)
@@ -118,7 +126,7 @@ class Decoder:
             yield i + 1, (written[i],), 0.0
         else:
             yield from self._corrected(written, i)
-        for end, cost in self._asides.at(written, i):
+        for end, cost in () if self._names_turn(written, i) else self._asides.at(written, i):
             yield end, (), cost
 
     def _corrected(self, written: Sequence[str], i: int) -> Iterator[tuple[int, tuple[str, ...], float]]:

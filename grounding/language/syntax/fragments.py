@@ -57,6 +57,8 @@ _WEAK = ("in", "into", "on", "along", "with", "for")
 # Categories of what a place may be at, and words that praise it.
 _TOPICS = (WordCategory.NOUN, WordCategory.MODEL, WordCategory.SPOT)
 _PRAISES = ("better", "best", "safer", "nicer", "easier", "good", "preferable")
+# Categories of words that tell which spot.
+_WHICH_SPOT = (WordCategory.ANY, WordCategory.SUPERLATIVE, WordCategory.ORDINAL)
 # Regions that branch off, and categories after a lane that is all a sentence names.
 _BRANCHES = ("road", "turn", "exit", "driveway", "corner")
 _AFTER_LANE = (WordCategory.NOT, WordCategory.EXCEPT)
@@ -180,12 +182,9 @@ def _names_branch(words: Sequence[Token]) -> bool:
 
 
 def _names_any_spot(words: Sequence[Token]) -> bool:
-    """Return whether words name any spot and at most call it good: "any gap on the left is fine"."""
-    if words[0].category is not WordCategory.ANY or not any(
-        token.category is WordCategory.SPOT for token in words[1:4]
-    ):
-        return False
-    return _only_praises(words)
+    """Return whether words name a spot and at most call it good: "any gap on the left is fine", "nearest space"."""
+    begins = words[0].category in _WHICH_SPOT or (len(words) > 1 and words[1].category in _WHICH_SPOT[1:])
+    return begins and any(token.category is WordCategory.SPOT for token in words[1:4]) and _only_praises(words)
 
 
 def _names_any_place(words: Sequence[Token]) -> bool:

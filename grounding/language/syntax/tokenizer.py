@@ -109,10 +109,14 @@ def tokenise_all(normalised: str, lexicon: Lexicon | None = None, most: int = 6)
 def _match_phrases(
     decoded: Decoded, normalised: str, found: Sequence[re.Match[str]], lexicon: Lexicon
 ) -> tuple[Token, ...]:
-    words, tokens, i, used = decoded.words, [], 0, 0
+    words, i, used = decoded.words, 0, 0
+    tokens: list[Token] = []
     while i < len(words):
         end, entry = lexicon.longest_match(words, i) or (i + 1, _entry_without_match(words[i], lexicon))
         end, entry = _without_intensifier(words, i, lexicon) or (end, entry)
+        counted = bool(tokens) and tokens[-1].category is WordCategory.ORDINAL
+        if counted and entry.category is WordCategory.GREETING:  # "next right then first left"
+            end, entry = lexicon.longest_match(words[: i + 1], i) or (end, entry)
         first, last = decoded.spans[i][0], decoded.spans[end - 1][1]
         tokens += _left_out(normalised, found[used:first])
         start, stop = found[first].start(), found[last - 1].end()

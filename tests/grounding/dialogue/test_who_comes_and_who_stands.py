@@ -7,7 +7,7 @@ from street import BLACK, BLUE, GREY, RED, WHITE, YELLOW, Street, told
 
 
 def lanes() -> Street:
-    """Two lanes of our way with a white car ahead of us and a red one that comes up in the right lane; a full kerb."""
+    """Two lanes of our way with a white car ahead, a red one that comes up in the right lane, and a full kerb."""
     return (
         Street()
         .car("white", 22, 0.0, WHITE, 0.0, 4.0)

@@ -53,6 +53,16 @@ def drop_direction(tokens: list[Token], match: re.Match[str]) -> list[Token] | N
     return [] if before and rejected in SIDES and before[-1] != rejected else None
 
 
+def take_other_side(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
+    """Rewrite "anywhere but on the left" to "on the right"."""
+    side = tokens[match.end() - 1]
+    rejected = side.value.split("_")[0]
+    if rejected not in SIDES:
+        return None
+    (other,) = {*SIDES} - {rejected}
+    return [replace(side, value=side.value.replace(rejected, other), text=side.text.replace(rejected, other))]
+
+
 def relate_side(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
     """Rewrite "to the left, not to the right, of" to "left of"."""
     chosen, rejected = (tokens[match.start(group)].value.removesuffix("_side") for group in ("chosen", "rejected"))

@@ -18,6 +18,7 @@ from grounding.language.semantics.contrasts.choices import (
     share_head,
     share_noun,
     stop_elsewhere,
+    take_other_side,
 )
 from grounding.language.semantics.contrasts.letters import END, NOUN, PLACE, WHOLE_NOUN, Rewrite, letter
 from grounding.language.semantics.contrasts.negations import (
@@ -94,6 +95,7 @@ _RULES: tuple[tuple[re.Pattern[str], Rewrite], ...] = (
     (re.compile(r"(?P<chosen>[st]),?A?[NE](?P<rejected>[st]),?f"), relate_side),
     (re.compile(r"(?<![NEMm])(?P<chosen>d*m+),?[AB]?[NE](?P<rejected>d*m+)(?P<noun>[ho]+)"), share_head),
     (re.compile(rf",?A?[NE][stl]{END[:-1]}|S|r)"), drop_direction),
+    (re.compile(rf",?E[st]{END}"), take_other_side),
     (re.compile(r"N(?P<verb>v)k?[,.]+(?=v)"), drop_prohibition),
     (re.compile(r"N(?P<verb>v)k?[,.B]+(?P<chosen>[rxw][^v]*?)(?:b[am]*u?)?$"), stop_elsewhere),
     (re.compile(r"(?<![NM])m,?(?P<not>N)m(?:(?=[,.ho]|$)|,(?=[ho]))"), choose_modifier),
