@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -24,10 +25,12 @@ from grounding.query import Query, Referent
 from grounding.referent.ordinals import find_ordinals
 from grounding.referent.resolver import Candidate
 from grounding.requests import STOPS, Request, requests_of
-from grounding.vocabulary import Action
+from grounding.vocabulary import PERSON_NOUNS, Action
 
 # Replies that open a sentence and change nothing.
 _OPENING = frozenset(("yes", "thanks", "pause", "meant"))
+# A person who is spoken of gets in.
+_PICK_UP = re.compile(r"\b(?:pick|collect|fetch|get) (?:him|her|them)\b", re.IGNORECASE)
 # Actions that are about a vehicle.
 _OF_VEHICLES = ("follow", "overtake", "drive_past", "approach", "avoid")
 
@@ -193,9 +196,12 @@ def _about_focus(talk: Conversation, query: Query) -> Query:
     named = query.referent or query.secondary or query.unresolved or (query.relation != "none" and not near_it)
     if near_it and not named and talk.antecedent is not None:
         return replace(query, referent=replace(talk.antecedent, anaphora=True), landmark="referent")
-    if query.action not in _OF_VEHICLES or named or talk.antecedent is None:
+    if named or talk.antecedent is None:
         return query
-    return replace(query, referent=replace(talk.antecedent, anaphora=True))
+    meant = replace(talk.antecedent, anaphora=True)
+    if query.action in STOPS and meant.noun in PERSON_NOUNS and _PICK_UP.search(query.command):
+        return replace(query, referent=meant, landmark="referent")
+    return replace(query, referent=meant) if query.action in _OF_VEHICLES else query
 
 
 def ask_to_stop(talk: Conversation, text: str, words: str) -> Answer | None:

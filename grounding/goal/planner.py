@@ -67,7 +67,8 @@ _FACING = ", facing the traffic"
 _FOLLOW = "it does not stand still: shall we follow it?"
 _CANNOT = {"overtake": "there is nothing to overtake", "turn": "we do not turn across its way"}
 _LET_PASS = "it comes towards us: shall we let it pass?"
-# Relations of a place that has to stay where the vehicle is.
+# Actions that nobody does with a vehicle that comes towards us, and relations of a place that has to stay at it.
+_STAYING = (*_CANNOT, "approach")
 _BESIDE = ("next_to", "left_of", "right_of")
 _QUESTIONS = {
     BEHIND_US: "there is no such place ahead of us: shall we go back to the one behind us?",
@@ -231,7 +232,7 @@ def plan_place(
     limits = PlaceLimits.of(query, road.traffic_side)
     if (
         item is not None
-        and (query.action in _CANNOT or query.relation in _BESIDE or drives_away(query, item))
+        and (query.action in _STAYING or query.relation in _BESIDE or drives_away(query, item))
         and comes_towards_us(item, road)
         and query.trigger is None
     ):

@@ -123,3 +123,15 @@ def test_several_vehicles_that_are_not_there() -> None:
     street = Street().car("first", -20, -5, WHITE).car("second", -32, -5, WHITE)
     answer = street.grounder().ground("park between two cars on the right")
     assert "there are no cars ahead" in answer.question
+
+
+@pytest.mark.parametrize("text", ["turn right at the next street", "turn right at the next road"])
+def test_a_street_at_which_we_turn_is_entered(text: str) -> None:
+    answer = two_way(8.0).grounder().ground(text)
+    assert place(answer)[1] < -5
+
+
+def test_the_truck_on_our_path_is_in_our_lane() -> None:
+    referent = parse("park beside the truck on our path").query.referent
+    assert referent is not None
+    assert "own_lane" in referent.qualifiers

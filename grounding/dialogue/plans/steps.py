@@ -245,7 +245,7 @@ def _move(talk: Conversation, text: str, words: Words) -> Answer | None:
 def _change_back(talk: Conversation, text: str, words: Words) -> Answer | None:
     """Go back to our lane after a change of lane, or after passing a vehicle; None after other steps."""
     last, goal = talk.state.steps[-1], talk.state.goal
-    returns = words_end("return", words, 0) == len(words)
+    returns = bool(words) and words_end("return", words, 0) == len(words)
     passes = any(step.query.action in _PASSING for step in talk.state.steps)
     if returns and passes and last.query.manoeuvre == "onward" and goal is not None:
         return inform(talk, text, "the goal stays as it is: it is back in our lane")

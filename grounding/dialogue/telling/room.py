@@ -112,6 +112,8 @@ def propose(talk: Conversation, text: str, requests: Sequence[Request]) -> Answe
     if answer.status == "ambiguous" and len(answer.candidates) > 1 and len(requests) == 1:
         return _tell_at_each(talk, text, requests, answer.candidates)
     if answer.status != "ok":
+        if answer.plan.question and answer.plan.nearest is not None and answer.plan.instead is None:
+            talk.state = replace(talk.state, question=answer, asked=tuple(requests), at=0)  # another place is offered
         return inform(talk, text, "no", *answer.reasons)
     asked = replace(answer, status="ambiguous", alternatives=(answer,))
     talk.state = replace(talk.state, question=asked, asked=tuple(requests), at=0)

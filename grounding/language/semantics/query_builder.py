@@ -109,7 +109,10 @@ def _query(
     landmark: Anchor | None = (
         "secondary" if frame.inverse_relation is not None else "referent" if referent is not None else None
     )
-    at_goal = next((one for one in secondary if one.of == "goal" and one.relation in RELATIONS), None)
+    placing = [one for one in secondary if one.of == "goal" and one.relation in RELATIONS]
+    if main.intent.action == "turn":  # "turn right at the next street" is into it
+        placing = [one for one in placing if one.noun not in ("road", "street")]
+    at_goal = next(iter(placing), None)
     if referent is None and at_goal is not None:
         relation, landmark = at_goal.relation, "secondary"
     by_priority = (main.intent, *commands, *intents)
@@ -122,7 +125,8 @@ def _query(
     named = _referent(discourse, referent, frame, main.anaphora, relation) if referent is not None else None
     if named is not None and referent is not None and referent.number == 0 and _is_any(main, referent):
         named = replace(named, definite=False)
-    if named is not None and relation in _BESIDE and "own_lane" in named.qualifiers:  # "beside it in our lane"
+    # "Beside it in our lane" says where we stand, "beside the truck on our path" where it does.
+    if named is not None and relation in _BESIDE and "own_lane" in named.qualifiers and "lane" in text.split():
         named = replace(named, qualifiers=tuple(one for one in named.qualifiers if one != "own_lane"))
     query = Query(
         command=text,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from street import BLACK, BLUE, GREY, RED, WHITE, YELLOW, Street, told
 
@@ -100,3 +101,51 @@ def test_nobody_gets_out_beside_who_drives_past() -> None:
     grounder = street.grounder()
     grounder.set_scene(street.bev(), street.boxes(), speed_mps=0.0)
     assert "yes, on our right only" in told(grounder.session(), "is it safe to open my door?")
+
+
+def test_where_there_is_no_spot_another_place_is_offered() -> None:
+    street = Street()
+    for number in range(9):
+        street.car(f"p{number}", -8 + 5.4 * number, -6.9, BLACK)
+    session = street.grounder().session()
+    assert "no" in told(session, "is there anywhere to park on the right?")
+    assert session.question
+    assert session.say("ok take it").target is not None
+
+
+def test_nobody_goes_to_who_comes_towards_us() -> None:
+    answer = Street().car("red", 28, 5.0, RED, np.pi, 11.0).grounder().ground("take me to the red car")
+    assert answer.plan.refused
+    assert "towards us" in answer.question
+
+
+@pytest.mark.parametrize("turn", ["pick him up", "go and pick him up please"])
+def test_who_was_seen_is_picked_up(turn: str) -> None:
+    size, category = (0.6, 0.6, 1.8), "human.pedestrian.adult"
+    session = Street().car("man", 24, -7, GREY, 0.0, 1.0, size, category).grounder().session()
+    assert "yes" in told(session, "can you see the man walking on the right?")
+    answer = session.say(turn)
+    assert answer.referent is not None, answer.text()
+    assert answer.referent.item.id == "man"
+
+
+def test_go_for_it_agrees_with_a_change_of_lanes() -> None:
+    session = lanes().grounder().session()
+    session.say("we should be in the right lane")
+    answer = session.say("ok go for it")
+    assert len(answer.steps) < 2
+    assert "the goal stays as it is" in answer.reasons
+
+
+@pytest.mark.parametrize("question", ["which blue car do you mean?", "what car do you have in mind?"])
+def test_which_one_is_meant_is_the_one_of_the_goal(question: str) -> None:
+    street = lanes().car("near", 4, -6.5, BLUE)
+    session = street.grounder().session()
+    session.say("stop behind the blue car at the end of the row")
+    session.say("the far one")
+    assert session.goal is not None
+    goal = session.goal
+    answer = session.say(question)
+    assert answer.referent is not None
+    assert goal.referent is not None
+    assert answer.referent.item.id == goal.referent.item.id
