@@ -253,9 +253,13 @@ class Query:
         return next(known, "junction" if self.direction == "straight" else None)
 
     def beyond(self, crossed: str | None) -> Query:
-        """Return a place on the other side as past what is driven through: "go over it and stop on the far side"."""
-        stands = self.action in ("park", "stop", "pull_over", "wait")
-        if crossed is None or not stands or self.road_side != "opposite" or self.referent is not None:
+        """Return a place past what is driven through: "go over it and stop on the far side", "go through and stop"."""
+        if crossed is None or self.referent is not None or self.action not in ("park", "stop", "pull_over", "wait"):
+            return self
+        anywhere = self.relation == "none" and self.goal_side is None and self.distance_m is None
+        through = any(one.relation == "into" and one.noun == crossed for one in self.secondary)
+        onwards = self.road_side == "opposite" or (anywhere and through and LANDMARK_KINDS.get(crossed) != "car park")
+        if not onwards:
             return self
         past = Landmark(crossed, "past")
         return replace(self, road_side=None, relation="past", landmark="secondary", secondary=(past,))

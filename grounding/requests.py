@@ -20,6 +20,8 @@ from grounding.vocabulary import PASSING_ACTIONS
 STOPS = ("park", "stop", "pull_over", "approach")
 # Actions that hold us up for somebody or something.
 HOLDING = ("wait", "give_way")
+# Nouns of where a turn leads round.
+_CORNERS = ("corner", "street_corner", "bend", "curve")
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,15 +83,33 @@ def _waiting_there(before: Query | None, step: Query) -> Query:
 
 
 def join_drives(requests: Sequence[Request]) -> tuple[Request, ...]:
-    """Return steps in which driving on to a stop is no step of its own: "go 30 metres and park on the right"."""
+    """Return steps in which driving on to a stop is no step of its own: "go 30 metres and park on the right".
+
+    A stop round the corner, after a turn, is a stop after it.
+    """
     joined = list[Request]()
     for request in requests:
         stop = _after_drive(joined[-1].query, request.query) if joined else None
         if stop is not None:
             request = replace(request, reading=request.reading.with_query(stop))
             joined.pop()
+        elif joined and _is_round_corner(joined[-1].query, request.query):
+            request = replace(request, reading=request.reading.with_query(_after_turn(request.query)))
         joined.append(request)
     return tuple(joined)
+
+
+def _is_round_corner(turn: Query, stop: Query) -> bool:
+    """Return whether a stop is just round the corner at which we have turned."""
+    turns = turn.action == "turn" and turn.direction in ("left", "right")
+    at_corner = stop.landmark == "secondary" and stop.referent is None and stop.relation in ("near", "past")
+    return turns and at_corner and all(one.noun in _CORNERS and not one.qualifiers for one in stop.secondary)
+
+
+def _after_turn(stop: Query) -> Query:
+    """Return a stop round the corner as one after the turn: "on the left" is a side then."""
+    side = stop.direction if stop.direction in ("left", "right") else stop.goal_side
+    return replace(stop, relation="none", landmark=None, secondary=(), direction=None, goal_side=side)
 
 
 def _after_drive(drive: Query, stop: Query) -> Query | None:

@@ -192,8 +192,7 @@ def take_next(talk: Conversation, text: str, sign: float) -> Answer:
     if request is None or request.query.referent is None or last is None:
         return take_other(talk, text)
     before = request.query.referent
-    alike = ("vehicle", "vehicle") if before.noun == "car" else (before.noun, before.head)
-    sought = Referent(*alike, definite=False)
+    sought = Referent("vehicle" if before.noun == "car" else before.noun, before.head, definite=False)
     query = replace(request.query, command=text, referent=sought, secondary=(), excluded=())
     request = Request(reading=request.reading.with_query(query))
     found = resolve(query, without(talk.scene, frozenset({last.item.id})))
@@ -207,7 +206,11 @@ def take_next(talk: Conversation, text: str, sign: float) -> Answer:
     if not np.isfinite(beyond).any():
         where = "further on" if sign > 0 else "before it"
         return inform(talk, text, f"no other {before.head} is {where}")
-    return talk.choose(found.candidates[int(np.argmin(beyond))], request)
+    following = found.candidates[int(np.argmin(beyond))]
+    if before.noun not in ("vehicle", following.item.common_name):  # the truck after a car
+        called = replace(query, referent=replace(sought, head="vehicle"))
+        request = Request(reading=request.reading.with_query(called))
+    return talk.choose(following, request)
 
 
 def take_none(talk: Conversation, text: str) -> Answer:

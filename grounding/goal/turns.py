@@ -19,6 +19,8 @@ from grounding.road.road_map import RoadMap
 _TURNED_RAD = (np.radians(45), np.radians(135))
 # Least number of cells of a side road, least lateral offset from the ego lane, and distance of the goal into it.
 _MIN_CELLS, _MIN_LATERAL_M, _INTO_M = 40, 2.5, 8.0
+# Standard deviations of the cost of a place nearer than that, and farther: others may stand there.
+_SPREAD_M = 4.0, 10.0
 # Side roads that need more reversing than this are left out.
 _MAX_BACK_M = 2.0
 # A lane that turns by this angle within this distance leads into another road.
@@ -77,7 +79,10 @@ def propose_side_road(
     cells = np.argwhere(label == chosen.label)
     heading = road.direction_rad[cells[:, 0], cells[:, 1]]
     length = road.paths.length_m[cells[:, 0], cells[:, 1]]
-    cost = ((length - chosen.path_m - _INTO_M) / 4.0) ** 2 + (road.half_road_offset_m(cells, heading) / 1.2) ** 2
+    farther_m = length - chosen.path_m - _INTO_M
+    cost = (farther_m / np.where(farther_m < 0, *_SPREAD_M)) ** 2 + (
+        road.half_road_offset_m(cells, heading) / 1.2
+    ) ** 2
     cost += junction_cost(road, cells)
     reasons = [f"the road to the {side} branches off {chosen.along_m:.0f} m ahead"]
     return [CandidateSet(f"on the road to the {side}", cells, cost, heading)], reasons

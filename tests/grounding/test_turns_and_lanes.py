@@ -135,3 +135,19 @@ def test_the_truck_on_our_path_is_in_our_lane() -> None:
     referent = parse("park beside the truck on our path").query.referent
     assert referent is not None
     assert "own_lane" in referent.qualifiers
+
+
+@pytest.mark.parametrize(
+    "text", ["turn right and stop just round the corner", "turn right and park straight after the corner"]
+)
+def test_round_the_corner_is_after_the_turn(text: str) -> None:
+    answer = two_way(12.0).grounder().ground(text)
+    assert answer.status == "ok", answer.text()
+    assert place(answer)[1] < -5
+
+
+@pytest.mark.parametrize("text", ["where's the nearest place to park?", "where is the next free space?"])
+def test_where_to_park_is_a_question_about_room(text: str) -> None:
+    session = Street().grounder().session()
+    assert told(session, text).startswith("yes")
+    assert session.say("take it").target is not None
