@@ -122,7 +122,7 @@ def _behind_queue_m(road: RoadMap, offset_m: float) -> float:
         along_m, lateral_m = (float(each) for each in road.ego_lane.project(item.centre_m))
         creeps = MOVING_MPS < (item.speed_mps or 0.0) <= DRIVING_MPS
         if creeps and along_m > item.length_m and abs(lateral_m - offset_m) < LANE_M / 2:
-            places_m.append(along_m - (item.length_m + road.ego.length_m) / 2 - road.style.stop_gap_m)
+            places_m.append(road.gap_ahead_m(item) - road.style.stop_gap_m)
     return max(min(places_m), 0.0)
 
 

@@ -41,7 +41,6 @@ from grounding.goal.traffic import (
     asks_for_more_distance,
     comes_towards_us,
     drives_away,
-    gap_now_m,
     goes_around_traffic,
     how_it_moves,
     is_caught_up_with,
@@ -249,7 +248,7 @@ def plan_place(
         named = query.distance_m if query.distance_of == "referent" else None
         distance_m = named if named is not None and named > road.style.following_gap_m(item.speed_mps) else None
         if distance_m is None and asks_for_more_distance(query):
-            distance_m = max(gap_now_m(item, road), road.style.following_gap_m(item.speed_mps))
+            distance_m = max(road.gap_ahead_m(item), road.style.following_gap_m(item.speed_mps))
         query = replace(query, action="follow", distance_m=distance_m, distance_of="referent" if distance_m else None)
     if item is not None and is_caught_up_with(query, item, road):
         query = replace(query, relation="behind", landmark="referent")

@@ -51,12 +51,6 @@ def asks_for_more_distance(query: Query) -> bool:
     return _MORE_DISTANCE.search(query.command.lower()) is not None
 
 
-def gap_now_m(item: SceneObject, road: RoadMap) -> float:
-    """Return the gap between us and a vehicle ahead of us along our lane, bumper to bumper."""
-    along_m = float(road.ego_lane.project(item.centre_m)[0])
-    return along_m - (item.length_m + road.ego.length_m) / 2
-
-
 def is_caught_up_with(query: Query, item: SceneObject, road: RoadMap) -> bool:
     """Return whether to approach a vehicle is to get behind it, since it drives on ahead of us."""
     towards = query.action == "approach" and query.relation in TOWARDS

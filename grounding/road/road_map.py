@@ -200,6 +200,11 @@ class RoadMap:
         same_way = np.cos(item.yaw_rad - self.start.heading_rad) > _PARALLEL
         return bool(ahead and same_way and item.front_known and (item.speed_mps or 0.0) > DRIVING_MPS)
 
+    def gap_ahead_m(self, item: SceneObject) -> float:
+        """Return the gap along our lane up to a vehicle, bumper to bumper; negative beside and behind us."""
+        along_m = float(self.ego_lane.project(item.centre_m)[0])
+        return along_m - (item.length_m + self.ego.length_m) / 2
+
     @cached_property
     def line_behind(self) -> Centreline:
         """The line straight back from the ego; along-track distance counts backwards."""
