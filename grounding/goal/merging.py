@@ -17,8 +17,6 @@ from grounding.scene_object import SceneObject
 _SHIFT_ROOM = 1.3
 # Actions that get us behind a vehicle, lateral offsets of the lanes beside ours, how far behind us it may come up.
 _ACTIONS, _BESIDE_M, _COMES_UP_M = ("follow", "change_lane", "approach"), (LANE_M / 2, 2.5 * LANE_M), 25.0
-# Least cosine between its heading and our direction of travel.
-_SAME_WAY = 0.7
 # How much farther than the shift takes the place is at best, and at most.
 _PREFERRED_M, _FURTHER_M = 2.0, 12.0
 
@@ -34,12 +32,11 @@ def moves_in_behind(query: Query, item: SceneObject, road: RoadMap) -> bool:
     if not (behind and query.action in _ACTIONS and query.distance_m is None and item.front_known):
         return False
     aside_m = float(road.ego_lane.project(item.centre_m)[1])
-    ours = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) > _SAME_WAY
     beside = _BESIDE_M[0] < abs(aside_m) < _BESIDE_M[1] and (item.speed_mps or 0.0) > DRIVING_MPS
     # The place at a follower's distance would be where we are already, or too near to change over to.
     far_m = road.style.following_gap_m(item.speed_mps) if query.action == "change_lane" else _PREFERRED_M
-    gap_m = max(_PREFERRED_M, far_m)
-    return bool(ours and beside and -_COMES_UP_M < road.gap_ahead_m(item) < shift_length_m(aside_m, road.ego) + gap_m)
+    most_m = shift_length_m(aside_m, road.ego) + max(_PREFERRED_M, far_m)
+    return beside and road.heads_our_way(item) and -_COMES_UP_M < road.gap_ahead_m(item) < most_m
 
 
 def propose_merging(item: SceneObject, road: RoadMap) -> CandidateSet:
