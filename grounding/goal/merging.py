@@ -34,8 +34,8 @@ def moves_in_behind(query: Query, item: SceneObject, road: RoadMap) -> bool:
     aside_m = float(road.ego_lane.project(item.centre_m)[1])
     beside = _BESIDE_M[0] < abs(aside_m) < _BESIDE_M[1] and (item.speed_mps or 0.0) > DRIVING_MPS
     # The place at a follower's distance would be where we are already, or too near to change over to.
-    far_m = road.style.following_gap_m(item.speed_mps) if query.action == "change_lane" else _PREFERRED_M
-    most_m = shift_length_m(aside_m, road.ego) + max(_PREFERRED_M, far_m)
+    gap_m = road.style.following_gap_m(item.speed_mps) if query.action == "change_lane" else 0.0
+    most_m = shift_length_m(aside_m, road.ego) + max(_PREFERRED_M, gap_m)
     return beside and road.heads_our_way(item) and -_COMES_UP_M < road.gap_ahead_m(item) < most_m
 
 
