@@ -157,10 +157,8 @@ def tell_pace(talk: Conversation, text: str, question: Question) -> Answer | Non
         whose = "our own speed" if question.of_us else "which vehicle is meant"
         return aside(talk, text, *things.reasons) if things.reasons else unknown(talk, text, whose)
     if _NEARER.search(text.lower()):
-        yes = ("yes: " if approaches(one) else "no: " for one in things.items)
-        return aside(
-            talk, text, *(f"{a}{describe_one(b, talk.scene)}" for a, b in zip(yes, things.items, strict=True))
-        )
+        told = [f"{'yes' if approaches(one) else 'no'}: {describe_one(one, talk.scene)}" for one in things.items]
+        return aside(talk, text, *told)
     told = [f"{describe_one(one, talk.scene)}{describe_change(one)}" for one in things.items]
     open_ = any(one.acceleration_mps2 is None for one in things.items)
     return aside(talk, text, *told, *([f"{NOT_KNOWN}: whether it gets faster or slower"] if open_ else []))
