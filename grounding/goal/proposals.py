@@ -154,11 +154,8 @@ def _propose_at_kerb(query: Query, road: RoadMap, item: SceneObject) -> list[Can
     reference = ReferenceVehicle(item, road, 0.0)
     along_m, _ = reference.lane_position
     clear_m = reference.half_extent_m(reference.travel_rad) + road.ego.length_m / 2
-    ends_m = (_EDGE_GAP_M.least_m + clear_m, _EDGE_GAP_M.preferred_m + clear_m, _EDGE_GAP_M.most_m + clear_m)
-    if query.relation == "before":
-        ahead = DistanceRange(along_m - ends_m[2], along_m - ends_m[1], along_m - ends_m[0])
-    else:
-        ahead = DistanceRange(along_m + ends_m[0], along_m + ends_m[1], along_m + ends_m[2])
+    sign = -1 if query.relation == "before" else 1
+    ahead = DistanceRange(*(along_m + sign * (gap_m + clear_m) for gap_m in _EDGE_GAP_M[::sign]))
     return ego_lane.propose_at_edge(road, road.sides.kerb, ahead) if reference.beside_ego_lane else []
 
 
