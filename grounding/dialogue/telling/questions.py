@@ -218,7 +218,7 @@ def _tell_motion(talk: Conversation, text: str, question: Question, moving: bool
     if not things.found and not things.reasons:
         bare = question.of_us and not question.words and {*question.kinds} <= _OF_OUR_MOTION
         known = talk.scene.speed_mps is not None
-        return tell_own_speed(talk, text, moving=moving) if bare and known else tell_waiting(talk, text, question)
+        return tell_own_speed(talk, text, question, moving) if bare and known else tell_waiting(talk, text, question)
     if len(things.found) != 1:
         return _tell_description(talk, text, question)
     (item,) = things.items
@@ -339,13 +339,9 @@ def _tell_open(talk: Conversation, text: str, question: Question) -> Answer:
     return keep(talk, text)
 
 
-def _tell_speed(talk: Conversation, text: str, question: Question) -> Answer:
-    return tell_own_speed(talk, text)
-
-
 _ANSWERS: Mapping[str, _Teller] = {
     "case": _tell_case,
-    "speed": _tell_speed,
+    "speed": tell_own_speed,
     "why": _tell_why,
     "lane": tell_lane,
     "waiting": tell_waiting,
