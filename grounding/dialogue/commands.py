@@ -191,11 +191,10 @@ def _about_focus(talk: Conversation, query: Query) -> Query:
         return replace(query, referent=replace(one, qualifiers=(*of_all, *one.qualifiers)))
     near_it = query.relation == "near" and query.landmark is None  # "stop as near as you can"
     named = query.referent or query.secondary or query.unresolved or (query.relation != "none" and not near_it)
-    if near_it and not named and talk.antecedent is not None:
-        return replace(query, referent=replace(talk.antecedent, anaphora=True), landmark="referent")
-    if query.action not in _OF_VEHICLES or named or talk.antecedent is None:
+    if named or talk.antecedent is None or not (near_it or query.action in _OF_VEHICLES):
         return query
-    return replace(query, referent=replace(talk.antecedent, anaphora=True))
+    landmark = "referent" if near_it else query.landmark
+    return replace(query, referent=replace(talk.antecedent, anaphora=True), landmark=landmark)
 
 
 def ask_to_stop(talk: Conversation, text: str, words: str) -> Answer | None:
