@@ -51,7 +51,7 @@ _ABREAST_M = 2.0
 # Least lateral offset of candidates on one side of the ego lane.
 _MIN_SIDE_M = 0.2
 
-# What no driver should do, by manoeuvre, and things beside the road.
+# What no driver should do, by manoeuvre.
 _REFUSALS = {
     "pavement": "the pavement is for people on foot: no place on it will do",
     "oncoming_lane": "the oncoming lane is for those who come towards us: no place in it will do",
@@ -61,7 +61,9 @@ _REFUSALS = {
     "off_road": "beside the road there is no place for a car",
     "speeding": "a speed limit is not to be broken",
 }
+# Verbs of the horn.
 _HORN = re.compile(r"\b(?:honk|beep|toot|hoot)\b")
+# Things beside the road.
 _OFF_ROAD_NOUNS = ("pavement", "sidewalk", "footpath")
 
 # Candidate sets are None if the command asks for no place.

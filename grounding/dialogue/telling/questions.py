@@ -66,15 +66,18 @@ _FOUND = ("exists", "place", "what", "which")
 _OF_ROOM = ("room", "gap", "tight", "spot")
 # Kinds of a question that only asks whether we move: "are we still standing?"
 _OF_OUR_MOTION = {"moving", "standing", "us", "slow"}
+# People named by their age, which is not known.
 _AGES = re.compile(
     r"\b(?:kids?|child(?:ren)?|toddlers?|teenagers?|elderly|old (?:m[ae]n|lady|ladies|woman|people))\b"
 )
+# A remark that names a thing, before a question about it: "I need a shot of the red car, where is it?".
 _REMARK = re.compile(
     r"^(?P<lead>\w.*? )(?P<thing>(?:the|that|this|those) (?:\w+ ){0,5}?\w+)[,.;:] "
     r"(?P<ask>where(?: is|'s| are)|how far(?: away)? (?:is|are)|what colou?r is|can you see|do you see)"
     r" (?:it|he|she|him|her|they|them)\b(?P<rest>[^,;.]*)$",
     re.IGNORECASE,
 )
+# The limit of what is known about the future.
 _LATER = (f"{NOT_KNOWN}: what others will do",)
 _Teller = Callable[[Conversation, str, Question], Answer | None]
 

@@ -27,10 +27,13 @@ _KEPT = "the place is on the road, and clear of all vehicles that are seen"
 _CLEAR = "nobody who is seen drives into our way there, at the speeds of now"
 # Whether somebody comes nearer.
 _NEARER = re.compile(r"\b(?:closer|nearer|towards? (?:us|me)|at us|our way)\b")
-# Where those are who come from behind, and what stands for a vehicle before its place.
+# Words of vehicles that come from behind.
 _FROM_BEHIND = re.compile(r"\bfrom (?:behind|the back|the rear)(?: us| me)?\b")
+# Words of the lane that a plan changes to.
 _IN_IT = re.compile(r"\bin (?:it|there|that lane|that one)\b|\bthere$")
+# Words of vehicles that come towards us.
 _TOWARDS_US = re.compile(r"\btowards? (?:us|me)\b|\b(?:at us|our way|oncoming|the other way)\b")
+# What stands for a vehicle before its place: "anything behind us".
 _NAMELESS = re.compile(r"^(?:an? |any |up )?(?=from |behind |on |ahead |in )")
 # What leads in the manoeuvre that is asked about.
 _TO = re.compile(r"^.*?\bto ")
