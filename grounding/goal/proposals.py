@@ -206,7 +206,7 @@ def _propose_with(query: Query, road: RoadMap, item: SceneObject, partner: Scene
 
 
 def _propose_letting(road: RoadMap, item: SceneObject) -> Proposal:
-    """Return candidates to let somebody go first: short of who is ahead of us, at the kerb for who is behind us."""
+    """Return candidates to give way: short of a road user ahead of us, at the kerb for one behind us in our lane."""
     along, lateral = (float(each) for each in road.ego_lane.project(item.centre_m))
     if along < 0 and abs(lateral) < LANE_M / 2:
         edge = ego_lane.propose_at_edge(road, road.sides.kerb, _to_stop_at(road, _EDGE_M))
