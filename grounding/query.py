@@ -177,22 +177,21 @@ class Query:
         action: main action; None if the sentence is no driving command.
         actions: all commanded actions in order; the main one is among them.
         relation: where the goal is, seen from the vehicle or landmark: behind, next to, past.
-        landmark: what the relation is measured from: the referent, or the first of `secondary`; None without one.
-        referent: the vehicle or person that is named; None if none is.
+        landmark: anchor of the relation: the referent, or the first of `secondary`; None without one.
+        referent: the vehicle or person that is named; None without one.
         secondary: other things that are named, such as a crossing.
         direction: where to steer.
-        goal_side: side of the road on which the goal is; None if none is named.
-        road_side: the same, named by the traffic: "by the kerb", "on the other side of the road".
-        trigger: what the referent does first: "after the bus leaves"; None without an awaited event.
-        distance_m: distance in metres; None if none is named.
-        distance_of: what the distance is: the gap to the referent or the kerb, the way to go, or how far away the
-            referent is.
-        excluded: what is not meant: "not the red one", "anywhere except behind the truck".
-        count: which branch to turn into ("the third left" is 3), which gap at the kerb to park in, or how many lanes
-            to change; None if not named.
-        manoeuvre: how to drive, if the verb says more than the action: onward, back, creep, faster, or a refused one.
-        unresolved: the pronoun or "one" that refers to nothing that was named; '' if there is none.
-        sought: what such a "one" is like: a red vehicle for "the red one"; None without one.
+        goal_side: side of the road on which the goal is; None if not named.
+        road_side: the same side relative to traffic: "by the kerb", "on the other side of the road".
+        trigger: event of the referent to wait for: "after the bus leaves"; None without one.
+        distance_m: distance, metres; None if not named.
+        distance_of: role of the distance: gap to the referent or the kerb, way to drive, or range of the referent.
+        excluded: exclusions: "not the red one", "anywhere except behind the truck".
+        count: number of the branch to turn into ("the third left" is 3), of the gap at the kerb to park in, or of
+            lanes to change; None if not named.
+        manoeuvre: manner of driving that the action does not give: onward, back, creep, faster, or a refused one.
+        unresolved: pronoun or "one" without an antecedent; '' if there is none.
+        sought: description of such a "one": a red vehicle for "the red one"; None without one.
     """
 
     command: str
@@ -253,7 +252,7 @@ class Query:
         return next(known, "junction" if self.direction == "straight" else None)
 
     def beyond(self, crossed: str | None) -> Query:
-        """Return a place past what is driven through: "go over it and stop on the far side", "go through and stop"."""
+        """Return a place past what is driven through: "go over it and stop", "... on the far side"."""
         if crossed is None or self.referent is not None or self.action not in ("park", "stop", "pull_over", "wait"):
             return self
         anywhere = self.relation == "none" and self.goal_side is None and self.distance_m is None

@@ -194,12 +194,11 @@ def _about_focus(talk: Conversation, query: Query) -> Query:
         return replace(query, referent=replace(one, qualifiers=(*of_all, *one.qualifiers)))
     near_it = query.relation == "near" and query.landmark is None  # "stop as near as you can"
     named = query.referent or query.secondary or query.unresolved or (query.relation != "none" and not near_it)
-    if near_it and not named and talk.antecedent is not None:
-        return replace(query, referent=replace(talk.antecedent, anaphora=True), landmark="referent")
     if named or talk.antecedent is None:
         return query
     meant = replace(talk.antecedent, anaphora=True)
-    if query.action in STOPS and meant.noun in PERSON_NOUNS and _PICK_UP.search(query.command):
+    picks_up = query.action in STOPS and meant.noun in PERSON_NOUNS and _PICK_UP.search(query.command)
+    if near_it or picks_up:
         return replace(query, referent=meant, landmark="referent")
     return replace(query, referent=meant) if query.action in _OF_VEHICLES else query
 

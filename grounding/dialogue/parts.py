@@ -32,14 +32,17 @@ from grounding.language.reader.network import Prediction
 from grounding.language.replies import named_distance, read_reply
 from grounding.language.syntax.tokenizer import normalise
 
-# Events after which something is done, words that lead in a fallback, and how a goal tells that it is one already.
+# Events after which something is done: "after it has passed".
 _AFTER_EVENT = re.compile(
     r"\bafter ((?:(?:that|this) (?:one|car|van|truck|lorry|bus|bike|motorbike|vehicle|guy))|he|she|it|they)"
     r" ((?:has|have|is|are) (?:passed|gone|left|past|by|through|over|across|clear))\b",
     re.IGNORECASE,
 )
+# Words that lead in a fallback.
 _LEAD = re.compile(r"^(?:(?:well|ok|okay|then|and|but|so|hmm)[, ]+)+", re.IGNORECASE)
+# The reason of a goal that is a fallback already.
 _NO_ROOM = "there is no room"
+# Ends of sentences, and of clauses too.
 _SENTENCE = re.compile(r"(?<=[.!?])\s+(?=\S)")
 _CLAUSE = re.compile(
     rf"{_SENTENCE.pattern}|\s*[,;:]\s+|\s*\.\.+\s*|\s+-+\s+|\s+(?=(?:and|but|so|because|cause|cos|cuz)\s)",

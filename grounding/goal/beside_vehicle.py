@@ -134,11 +134,11 @@ def _from_here_on(gaps: DistanceRange, reference: ReferenceVehicle) -> DistanceR
 
     Until we are in line with it we drive on as far as the shift to its side takes.
     """
-    (along_m, aside_m), item, ego = reference.lane_position, reference.item, reference.road.ego
-    here_m = along_m - (item.length_m + ego.length_m) / 2
+    (_, aside_m), road = reference.lane_position, reference.road
     leads = reference.beside_ego_lane and not reference.faces_us
     leads = leads and (abs(aside_m) < LANE_M / 2 or not reference.is_standing)
-    there_m = here_m - (shift_length_m(aside_m, ego) if abs(aside_m) > LANE_M / 2 else 0.0)
+    here_m = road.gap_ahead_m(reference.item)
+    there_m = here_m - (shift_length_m(aside_m, road.ego) if abs(aside_m) > LANE_M / 2 else 0.0)
     if not leads or not _MIN_GAP_M < there_m < gaps.preferred_m:
         return gaps
     return DistanceRange(min(gaps.least_m, there_m - _CLOSER_M), there_m, gaps.most_m)

@@ -24,7 +24,7 @@ _NEAR_M = 0.4
 # From this lateral offset on we leave our lane.
 _LEAVES_M = 1.0
 # Who drives within this lateral offset of our lane, and our way, is ahead of us or follows us.
-_IN_LANE_M, _SAME_WAY = 1.5, 0.7
+_IN_LANE_M = 1.5
 # Points of the way are tested at this spacing.
 _SPACING_M = 1.0
 
@@ -76,25 +76,22 @@ def _driving_elsewhere(road: RoadMap) -> Iterator[SceneObject]:
         if not item.front_known or (item.speed_mps or 0.0) <= DRIVING_MPS:
             continue
         _, lateral_m = (float(each) for each in road.ego_lane.project(item.centre_m))
-        ours = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) > _SAME_WAY
-        if not (ours and abs(lateral_m) < _IN_LANE_M):
+        if not (road.heads_our_way(item) and abs(lateral_m) < _IN_LANE_M):
             yield item
 
 
 def _is_beside(item: SceneObject, side: float, road: RoadMap) -> bool:
     """Return whether a vehicle drives our way beside us, in the lane on the side (1: left) to which we leave ours."""
     along_m, lateral_m = (float(each) for each in road.ego_lane.project(item.centre_m))
-    ours = np.cos(item.yaw_rad - road.start.heading_rad) > _SAME_WAY
     level = abs(along_m) < (item.length_m + road.ego.length_m) / 2
-    return bool(ours and level and LANE_M / 2 < side * lateral_m < 1.5 * LANE_M)
+    return road.heads_as_we_do(item) and level and LANE_M / 2 < side * lateral_m < 1.5 * LANE_M
 
 
 def _meets(item: SceneObject, points: FloatArray, heading: FloatArray, run_m: FloatArray, road: RoadMap) -> bool:
     """Return whether a vehicle comes into our way at one of our speeds."""
     ahead = np.array([np.cos(item.yaw_rad), np.sin(item.yaw_rad)])
     # Who drives our way ahead of us is not there any more when we are.
-    ours = road.start.ahead
-    leaves = ahead @ ours > _SAME_WAY and (item.centre_m - road.start.xy_m) @ ours > item.length_m
+    leaves = road.heads_as_we_do(item) and (item.centre_m - road.start.xy_m) @ road.start.ahead > item.length_m
     for speed_mps in _SPEEDS_MPS:
         time_s = run_m / speed_mps
         soon = time_s < _HORIZON_S

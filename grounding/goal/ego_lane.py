@@ -23,8 +23,6 @@ _STOP_M = DistanceRange(0.0, 8.0, 25.0)
 _IN_LANE_M, _LATERAL_M = 1.6, 0.6
 # Tolerance of the next lane's offset; distance of a lane change and standard deviation of its cost.
 _LANE_SLACK_M, CHANGE_M, _CHANGE_SPREAD_M = 1.2, DistanceRange(8.0, 15.0, 25.0), 6.0
-# Least cosine between headings of vehicles that drive our way and ours.
-_SAME_WAY = 0.7
 # Least share of road in a lane, and share of parked vehicles from which on it is their row.
 _LANE_SHARE, _PARKED_SHARE = 0.9, 0.25
 # Least share of the cells beside us on the side of oncoming traffic, for a lane of it.
@@ -92,9 +90,8 @@ def _offset_of_lane(road: RoadMap, sign: float) -> float:
     offsets_m = [sign * LANE_M]
     for item in road.free_space.objects:
         along_m, lateral_m = (float(each) for each in road.ego_lane.project(item.centre_m))
-        ours = np.cos(item.yaw_rad - road.start.heading_rad) > _SAME_WAY
         near = abs(along_m) < CHANGE_M.most_m and abs(lateral_m - sign * LANE_M) < _LANE_SLACK_M
-        if ours and near and (item.speed_mps or 0.0) > DRIVING_MPS:
+        if road.heads_as_we_do(item) and near and (item.speed_mps or 0.0) > DRIVING_MPS:
             offsets_m.append(lateral_m)
     return float(np.median(offsets_m[1:] or offsets_m))
 
@@ -136,7 +133,7 @@ def _behind_queue_m(road: RoadMap, offset_m: float) -> float:
         along_m, lateral_m = (float(each) for each in road.ego_lane.project(item.centre_m))
         creeps = MOVING_MPS < (item.speed_mps or 0.0) <= DRIVING_MPS
         if creeps and along_m > item.length_m and abs(lateral_m - offset_m) < LANE_M / 2:
-            places_m.append(along_m - (item.length_m + road.ego.length_m) / 2 - road.style.stop_gap_m)
+            places_m.append(road.gap_ahead_m(item) - road.style.stop_gap_m)
     return max(min(places_m), 0.0)
 
 

@@ -92,9 +92,8 @@ class PlaceLimits:
         if self.clear_of_junctions:
             near = road.junction_distance_m[tuple(cells.T)] <= self.clear_m
             moved_m = np.hypot(*(road.grid.centre_of(cells) - road.start.xy_m).T)
-            here = (moved_m < _HERE_M) & (
-                np.abs(road.speed_mps or 0.0) < MOVING_MPS
-            )  # who stands there may wait there
+            stands = abs(road.speed_mps or 0.0) < MOVING_MPS
+            here = (moved_m < _HERE_M) & stands  # who stands there may wait there
             found |= JUNCTION * ((near | _touches(road.crossings, road, cells, heading_rad)) & ~here)
         if self.not_behind:
             offset = road.grid.centre_of(cells) - road.start.xy_m

@@ -17,8 +17,6 @@ from grounding.scene_object import SceneObject
 _SHIFT_ROOM = 1.3
 # Actions that get us behind a vehicle, lateral offsets of the lanes beside ours, how far behind us it may come up.
 _ACTIONS, _BESIDE_M, _COMES_UP_M = ("follow", "change_lane", "approach"), (LANE_M / 2, 2.5 * LANE_M), 25.0
-# Least cosine between its heading and our direction of travel.
-_SAME_WAY = 0.7
 # How much farther than the shift takes the place is at best, and at most.
 _PREFERRED_M, _FURTHER_M = 2.0, 12.0
 
@@ -33,21 +31,19 @@ def moves_in_behind(query: Query, item: SceneObject, road: RoadMap) -> bool:
     behind = query.action == "follow" or query.relation == "behind"
     if not (behind and query.action in _ACTIONS and query.distance_m is None and item.front_known):
         return False
-    along_m, aside_m = (float(each) for each in road.ego_lane.project(item.centre_m))
-    ours = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) > _SAME_WAY
+    aside_m = float(road.ego_lane.project(item.centre_m)[1])
     beside = _BESIDE_M[0] < abs(aside_m) < _BESIDE_M[1] and (item.speed_mps or 0.0) > DRIVING_MPS
-    rear_m = along_m - (item.length_m + road.ego.length_m) / 2
     # The place at a follower's distance would be where we are already, or too near to change over to.
-    far_m = road.style.following_gap_m(item.speed_mps) if query.action == "change_lane" else _PREFERRED_M
-    gap_m = max(_PREFERRED_M, far_m)
-    return bool(ours and beside and -_COMES_UP_M < rear_m < shift_length_m(aside_m, road.ego) + gap_m)
+    gap_m = road.style.following_gap_m(item.speed_mps) if query.action == "change_lane" else 0.0
+    most_m = shift_length_m(aside_m, road.ego) + max(_PREFERRED_M, gap_m)
+    return beside and road.heads_our_way(item) and -_COMES_UP_M < road.gap_ahead_m(item) < most_m
 
 
 def propose_merging(item: SceneObject, road: RoadMap) -> CandidateSet:
     """Propose candidates in the lane of a vehicle that drives beside us, behind where it is in a moment."""
-    along_m, aside_m = (float(each) for each in road.ego_lane.project(item.centre_m))
+    aside_m = float(road.ego_lane.project(item.centre_m)[1])
     shift_m = shift_length_m(aside_m, road.ego)
-    behind_m = along_m - (item.length_m + road.ego.length_m) / 2 - road.style.stop_gap_m
+    behind_m = road.gap_ahead_m(item) - road.style.stop_gap_m
     most_m = shift_m + _FURTHER_M if behind_m < shift_m else min(behind_m, shift_m + _FURTHER_M)
     ahead = DistanceRange(shift_m, min(shift_m + _PREFERRED_M, most_m), most_m)
     return ego_lane.propose_in_lane_of(road, aside_m, ahead, "in its lane, behind it")

@@ -41,7 +41,6 @@ from grounding.goal.traffic import (
     asks_for_more_distance,
     comes_towards_us,
     drives_away,
-    gap_now_m,
     goes_around_traffic,
     how_it_moves,
     is_caught_up_with,
@@ -116,23 +115,22 @@ class Target:
 
 @dataclass(frozen=True, eq=False)
 class GoalPlan:
-    """A goal pose with reasons for it, or the reasons why there is none.
+    """A goal pose and its reasons, or the reasons why there is none.
 
     Attributes:
         target: the goal pose, None if no candidate is valid.
         reasons: sentences.
-        of_place: those of them that tell of the target, and do not hold for another one.
+        of_place: the reasons that hold for this target only.
         way: the way to the target as a car drives it; None without one.
         runners_up: further goal poses, at least an ego length from the target and from each other.
         nearest: if no candidate is valid, the nearest valid pose.
         search: all candidates with their costs, None if there were none to search.
-        question: what to ask before going to `nearest`; '' where there is nothing to ask.
+        question: question to ask before driving to `nearest`; '' without one.
         instead: action that the question proposes; None if it is about `nearest`.
-        pace: what the command asks for instead of a place; None if it asks for a place.
-        refused: whether the command asks for what no driver should do.
-        later: whether the place lies beyond the map: it is planned once more of the road is seen.
-        around_m: (2,) point, ego frame, around which `with_nearest` looks for the nearest place; None if there is
-            nothing to look for.
+        pace: pace that the command asks for instead of a place; None if it asks for a place.
+        refused: whether the command is refused, since no driver should do it.
+        later: whether the place is beyond the map: it is planned once more of the road is seen.
+        around_m: (2,) point, ego frame, around which `with_nearest` searches for the nearest place; None without one.
         passes_first: the vehicle that has to pass before we drive the way; None without one.
     """
 
@@ -251,7 +249,7 @@ def plan_place(
         named = query.distance_m if query.distance_of == "referent" else None
         distance_m = named if named is not None and named > road.style.following_gap_m(item.speed_mps) else None
         if distance_m is None and asks_for_more_distance(query):
-            distance_m = max(gap_now_m(item, road), road.style.following_gap_m(item.speed_mps))
+            distance_m = max(road.gap_ahead_m(item), road.style.following_gap_m(item.speed_mps))
         query = replace(query, action="follow", distance_m=distance_m, distance_of="referent" if distance_m else None)
     if item is not None and is_caught_up_with(query, item, road):
         query = replace(query, relation="behind", landmark="referent")

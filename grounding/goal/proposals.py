@@ -53,7 +53,7 @@ _ABREAST_M = 2.0
 # Least lateral offset of candidates on one side of the ego lane.
 _MIN_SIDE_M = 0.2
 
-# What no driver should do, by manoeuvre, and things beside the road.
+# What no driver should do, by manoeuvre.
 _REFUSALS = {
     "pavement": "the pavement is for people on foot: no place on it will do",
     "oncoming_lane": "the oncoming lane is for those who come towards us: no place in it will do",
@@ -63,7 +63,9 @@ _REFUSALS = {
     "off_road": "beside the road there is no place for a car",
     "speeding": "a speed limit is not to be broken",
 }
+# Verbs of the horn.
 _HORN = re.compile(r"\b(?:honk|beep|toot|hoot)\b")
+# Things beside the road.
 _OFF_ROAD_NOUNS = ("pavement", "sidewalk", "footpath")
 
 # Candidate sets are None if the command asks for no place.
@@ -156,11 +158,8 @@ def _propose_at_kerb(query: Query, road: RoadMap, item: SceneObject) -> list[Can
     reference = ReferenceVehicle(item, road, 0.0)
     along_m, _ = reference.lane_position
     clear_m = reference.half_extent_m(reference.travel_rad) + road.ego.length_m / 2
-    ends_m = (_EDGE_GAP_M.least_m + clear_m, _EDGE_GAP_M.preferred_m + clear_m, _EDGE_GAP_M.most_m + clear_m)
-    if query.relation == "before":
-        ahead = DistanceRange(along_m - ends_m[2], along_m - ends_m[1], along_m - ends_m[0])
-    else:
-        ahead = DistanceRange(along_m + ends_m[0], along_m + ends_m[1], along_m + ends_m[2])
+    sign = -1 if query.relation == "before" else 1
+    ahead = DistanceRange(*(along_m + sign * (gap_m + clear_m) for gap_m in _EDGE_GAP_M[::sign]))
     return ego_lane.propose_at_edge(road, road.sides.kerb, ahead) if reference.beside_ego_lane else []
 
 
@@ -209,7 +208,7 @@ def _propose_with(query: Query, road: RoadMap, item: SceneObject, partner: Scene
 
 
 def _propose_letting(road: RoadMap, item: SceneObject) -> Proposal:
-    """Return candidates to let somebody go first: short of who is ahead of us, at the kerb for who is behind us."""
+    """Return candidates to give way: short of a road user ahead of us, at the kerb for one behind us in our lane."""
     along, lateral = (float(each) for each in road.ego_lane.project(item.centre_m))
     if along < 0 and abs(lateral) < LANE_M / 2:
         edge = ego_lane.propose_at_edge(road, road.sides.kerb, _to_stop_at(road, _EDGE_M))

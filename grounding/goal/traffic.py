@@ -14,8 +14,6 @@ from grounding.road.lane_model import LANE_M
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
 
-# Least cosine between the heading of a vehicle and our direction of travel if it goes our way.
-_SAME_WAY = 0.7
 # Words of a gap that is too small.
 _MORE_DISTANCE = re.compile(
     r"\b(?:more|greater|bigger) (?:\w+ )?(?:distance|space|room|gap)\b"
@@ -51,12 +49,6 @@ def asks_for_more_distance(query: Query) -> bool:
     return _MORE_DISTANCE.search(query.command.lower()) is not None
 
 
-def gap_now_m(item: SceneObject, road: RoadMap) -> float:
-    """Return the gap between us and a vehicle ahead of us along our lane, bumper to bumper."""
-    along_m = float(road.ego_lane.project(item.centre_m)[0])
-    return along_m - (item.length_m + road.ego.length_m) / 2
-
-
 def is_caught_up_with(query: Query, item: SceneObject, road: RoadMap) -> bool:
     """Return whether to approach a vehicle is to get behind it, since it drives on ahead of us."""
     towards = query.action == "approach" and query.relation in TOWARDS
@@ -71,8 +63,7 @@ def how_it_moves(item: SceneObject) -> str:
 def _drives_before_us(item: SceneObject, road: RoadMap) -> bool:
     """Return whether a vehicle drives ahead of us in our direction, in our lane or the next."""
     along, lateral = (float(each) for each in road.ego_lane.project(item.centre_m))
-    ours = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) > _SAME_WAY
-    return bool(item.front_known and ours and along > 0 and abs(lateral) < 1.5 * LANE_M)
+    return item.front_known and road.heads_our_way(item) and along > 0 and abs(lateral) < 1.5 * LANE_M
 
 
 def goes_around_traffic(way: CarRoute, road: RoadMap) -> bool:
@@ -94,7 +85,6 @@ def meets_oncoming(way: CarRoute, road: RoadMap) -> bool:
 
 def comes_towards_us(item: SceneObject, road: RoadMap) -> bool:
     """Return whether a vehicle drives against our direction, and has not passed us."""
-    along, _ = (float(each) for each in road.ego_lane.project(item.centre_m))
-    against = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) < -_SAME_WAY
-    ahead = along > -item.length_m
-    return bool(item.front_known and against and ahead and (item.speed_mps or 0.0) > DRIVING_MPS)
+    ahead = float(road.ego_lane.project(item.centre_m)[0]) > -item.length_m
+    drives = item.front_known and (item.speed_mps or 0.0) > DRIVING_MPS
+    return drives and ahead and road.heads_against_us(item)

@@ -36,7 +36,8 @@ _JOINT = re.compile(r"(\s*(?:[,.;!?]+|\band then\b|\band\b|\bthen\b)\s*)")
 
 def without_cabin(text: str) -> tuple[str, str] | None:
     """Return a text without its clauses that are wishes about the cabin, and these; None for a text without any."""
-    clauses, joints = _JOINT.split(text)[::2], _JOINT.split(text)[1::2]
+    parts = _JOINT.split(text)
+    clauses, joints = parts[::2], parts[1::2]
     wishes = [clause.strip() for clause in clauses if _WISH.fullmatch(clause.strip())]
     if not wishes:
         return None

@@ -36,17 +36,18 @@ def is_group(referent: Referent, rows: Sequence[int], scene: SceneModel) -> bool
 
 
 def end_of_row(query: Query, referent: Referent, rows: Sequence[int], scene: SceneModel) -> tuple[int, int] | None:
-    """Return the vehicle at that end of a row which a place is measured from, and how many are in the row.
+    """Return the first or last vehicle of a row, as the relation of the command needs it, and the row's length.
 
     Args:
         query: the command.
-        referent: what is sought.
-        rows: those that fit, best first, by rows of the object table; the row is that of the first that drives or
-            stands as we do, if one does.
+        referent: the row or queue that is named.
+        rows: objects that fit, best first, by rows of the object table; the first one that heads our way, if any
+            does, is part of the row.
         scene: the scene.
 
     Returns:
-        The row of the object table; None where one vehicle is meant, or the first one stands alone.
+        The vehicle, by its row of the object table, and the number of vehicles; None if one vehicle is meant, or if
+        there is no row.
     """
     beyond = query.relation in _BEYOND or (query.action in PASSING_ACTIONS and query.relation == "none")
     queue = names_queue(referent)

@@ -45,8 +45,10 @@ _ONE_LANE_M = 5.5
 _MIDDLE_M, _MARKED_M = 0.1, 1.5
 # Extra cost of a metre in the narrowest passage, and outside the ego lane.
 _NARROW, _WIDE_M, _OFF_LANE, _LANE_M = 0.8, 1.6, 0.3, 3.0
-# Positions up to this lateral offset belong to the road of the ego lane if its direction agrees (cosine).
-_SAME_ROAD_M, _PARALLEL = 12.0, 0.7
+# Positions up to this lateral offset belong to the road of the ego lane if its direction agrees.
+_SAME_ROAD_M = 12.0
+# Least cosine between directions that agree.
+_PARALLEL = 0.7
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -195,10 +197,27 @@ class RoadMap:
         )
 
     def _drives_on(self, item: SceneObject) -> bool:
-        """Return whether a vehicle ahead certainly drives the way we do."""
+        """Return whether a vehicle ahead certainly drives the way we do, also away on a side road."""
         ahead = float((item.centre_m - self.start.xy_m) @ self.start.ahead) > 0
-        same_way = np.cos(item.yaw_rad - self.start.heading_rad) > _PARALLEL
-        return bool(ahead and same_way and item.front_known and (item.speed_mps or 0.0) > DRIVING_MPS)
+        drives = item.front_known and (item.speed_mps or 0.0) > DRIVING_MPS
+        return ahead and drives and (self.heads_as_we_do(item) or self.heads_our_way(item))
+
+    def heads_as_we_do(self, item: SceneObject) -> bool:
+        """Return whether the heading of a vehicle is about that of the ego at the start."""
+        return bool(np.cos(item.yaw_rad - self.start.heading_rad) > _PARALLEL)
+
+    def heads_our_way(self, item: SceneObject) -> bool:
+        """Return whether a vehicle heads in our direction of travel along the road where it is."""
+        return bool(np.cos(item.yaw_rad - self.direction_at(item.centre_m)) > _PARALLEL)
+
+    def heads_against_us(self, item: SceneObject) -> bool:
+        """Return whether a vehicle heads against our direction of travel along the road where it is."""
+        return bool(np.cos(item.yaw_rad - self.direction_at(item.centre_m)) < -_PARALLEL)
+
+    def gap_ahead_m(self, item: SceneObject) -> float:
+        """Return the gap along our lane up to a vehicle, bumper to bumper; negative beside and behind us."""
+        along_m = float(self.ego_lane.project(item.centre_m)[0])
+        return along_m - (item.length_m + self.ego.length_m) / 2
 
     @cached_property
     def line_behind(self) -> Centreline:

@@ -28,8 +28,9 @@ from grounding.requests import STOPS, Request, requests_of
 from grounding.road.lane_model import LANE_M
 from grounding.vocabulary import LANDMARK_KINDS, Relation, ShiftDirection
 
-# Distance of "a bit", the same across our lane, and distances to another place than the goal.
+# Words of a place that is too far away.
 _TOO_FAR = re.compile(r"\b(?:too|so|that) far\b(?! (?:from|to the|off the|away from))")
+# Distance of "a bit", the same across our lane, and distances to another place than the goal.
 BIT_M, _ASIDE_M = 2.0, 0.5
 _ELSEWHERE_M = (6.0, 12.0, 18.0, 24.0)
 # Relations in line with a vehicle, by those at its other end.

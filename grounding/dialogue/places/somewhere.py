@@ -68,10 +68,9 @@ def _drive_on_for_room(talk: Conversation, text: str, request: Request, clauses:
         return talk.take([Request(reading=said(request.reading.with_query(kerb), text))])
     if question is None or not question.plan.question or not asks_for_kerb(request.query):
         return None
-    goes = [talk.read(" ".join(words)).query.manoeuvre == "onward" for words in clauses]
-    if not any(map(max, seeks, goes)) or any(
-        len(words) > _FEW for words, *one in zip(clauses, seeks, goes, strict=True) if not any(one)
-    ):
+    others = [words for words, seeks_room in zip(clauses, seeks, strict=True) if not seeks_room]
+    others = [words for words in others if talk.read(" ".join(words)).query.manoeuvre != "onward"]
+    if len(others) == len(clauses) or any(len(words) > _FEW for words in others):
         return None
     onward = replace(request.query, manoeuvre="onward")
     reading = said(request.reading.with_query(onward), text)

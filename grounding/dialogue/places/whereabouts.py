@@ -1,4 +1,7 @@
-"""Turns that tell where somebody is: who waits for us stands at a vehicle, or between two that were told."""
+"""Turns that say where somebody is: a person who waits for us at a vehicle, and places between two vehicles.
+
+Both vehicles are those that the last answer named.
+"""
 
 from __future__ import annotations
 

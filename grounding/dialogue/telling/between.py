@@ -22,8 +22,9 @@ from grounding.scene_object import SceneObject
 
 # What lies between two things is at most this far beside the line between them.
 _BESIDE_M, _IN_ROW_M = 3.5, 1.5
-# Words that part two things: "the van and the bus", "from the van to the bus".
+# Words of a gap between us and something: "between us and the van".
 _BETWEEN_US = re.compile(r"\bbetween (?:us|me|you|here)\b(?: and\b)?")
+# Words that part two things: "the van and the bus", "from the van to the bus".
 _PARTING = ("and", "from", "to")
 
 

@@ -19,6 +19,7 @@ from grounding.query import Referent
 from grounding.referent.resolver import Candidate
 from grounding.scene_object import SceneObject
 
+# Words that compare a speed with ours, and those in such a question that name no thing.
 _THAN_US = re.compile(r"\b(faster|slower|quicker) than (?:us|we|me|i|you|our)\b")
 _NO_THING = ("than", "us", "me", "moving", "going", "driving", "travelling")
 # Things whose measures differ by a smaller share are about the same.

@@ -15,7 +15,7 @@ from grounding.referent.scene import SceneModel
 from grounding.road.landmarks import explain_unknown
 from grounding.vocabulary import LANDMARK_KINDS, ORDINALS
 
-# What is asked and told of landmarks; the first ones also where the words would ask for what is never known.
+# Kinds of questions about landmarks; the first ones are answered even where other words ask for the unknown.
 _WHERE = ("distance", "count", "place")
 _ASKED = (*_WHERE, "duration", "exists", "which", "what")
 
@@ -26,7 +26,7 @@ def tell_landmarks(talk: Conversation, text: str, question: Question) -> Answer 
     kinds = [LANDMARK_KINDS[one.value] for one in tokens if one.value in LANDMARK_KINDS]
     where = bool({*question.kinds} & {*_WHERE}) or (question.of_us and "duration" in question.kinds)
     about = where or "exists" in question.kinds if question.limit else question.kind in _ASKED
-    # Beside a vehicle or person a landmark only tells where: "the van at the crossing".
+    # With a vehicle or person, a landmark is only a location: "the van at the crossing".
     if not kinds or not about or any(one.category in NAMING for one in tokens):
         return None
     number = next((ORDINALS[one.value] for one in tokens if one.value in ORDINALS), None)

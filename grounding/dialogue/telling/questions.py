@@ -67,15 +67,18 @@ _OF_ROOM = ("room", "gap", "tight", "spot")
 _OF_DOORS = ("room", "gap", "tight", "safe")
 # Kinds of a question that only asks whether we move: "are we still standing?"
 _OF_OUR_MOTION = {"moving", "standing", "us", "slow"}
+# People named by their age, which is not known.
 _AGES = re.compile(
     r"\b(?:kids?|child(?:ren)?|toddlers?|teenagers?|elderly|old (?:m[ae]n|lady|ladies|woman|people))\b"
 )
+# A remark that names a thing, before a question about it: "I need a shot of the red car, where is it?".
 _REMARK = re.compile(
     r"^(?P<lead>\w.*? )(?P<thing>(?:the|that|this|those) (?:\w+ ){0,5}?\w+)[,.;:] "
     r"(?P<ask>where(?: is|'s| are)|how far(?: away)? (?:is|are)|what colou?r is|can you see|do you see)"
     r" (?:it|he|she|him|her|they|them)\b(?P<rest>[^,;.]*)$",
     re.IGNORECASE,
 )
+# The limit of what is known about the future.
 _LATER = (f"{NOT_KNOWN}: what others will do",)
 _Teller = Callable[[Conversation, str, Question], Answer | None]
 
@@ -215,7 +218,7 @@ def _tell_motion(talk: Conversation, text: str, question: Question, moving: bool
     if not things.found and not things.reasons:
         bare = question.of_us and not question.words and {*question.kinds} <= _OF_OUR_MOTION
         known = talk.scene.speed_mps is not None
-        return tell_own_speed(talk, text, moving=moving) if bare and known else tell_waiting(talk, text, question)
+        return tell_own_speed(talk, text, question, moving) if bare and known else tell_waiting(talk, text, question)
     if len(things.found) != 1:
         return _tell_description(talk, text, question)
     (item,) = things.items
@@ -338,13 +341,9 @@ def _tell_open(talk: Conversation, text: str, question: Question) -> Answer:
     return keep(talk, text)
 
 
-def _tell_speed(talk: Conversation, text: str, question: Question) -> Answer:
-    return tell_own_speed(talk, text)
-
-
 _ANSWERS: Mapping[str, _Teller] = {
     "case": _tell_case,
-    "speed": _tell_speed,
+    "speed": tell_own_speed,
     "why": _tell_why,
     "lane": tell_lane,
     "waiting": tell_waiting,

@@ -16,7 +16,7 @@ from grounding.dialogue.telling.measures import describe_speed
 from grounding.dialogue.telling.phrases import ask, describe_goal, said
 from grounding.language import Reading
 from grounding.language.problems import ANSWERABLE
-from grounding.language.questions import read_question
+from grounding.language.questions import Question, read_question
 from grounding.query import Query
 from grounding.referent.resolver import MAX_CANDIDATES, find_all, resolve
 from grounding.requests import requests_of
@@ -48,14 +48,14 @@ def unknown(talk: Conversation, text: str, what: str) -> Answer:
     return aside(talk, text, f"{NOT_KNOWN}: {what}")
 
 
-def tell_own_speed(talk: Conversation, text: str, moving: bool | None = None) -> Answer:
+def tell_own_speed(talk: Conversation, text: str, question: Question, moving: bool | None = None) -> Answer:
     """Tell how fast we are; `moving`: whether the question is if we move, or if we stand; None: neither."""
-    scene = talk.scene
-    if scene is None or scene.speed_mps is None:
+    speed_mps = talk.scene.speed_mps
+    if speed_mps is None:
         return unknown(talk, text, "our own speed")
-    moves = abs(scene.speed_mps) >= STANDING_MPS
+    moves = abs(speed_mps) >= STANDING_MPS
     said = "" if moving is None else "yes: " if moving == moves else "no: "
-    return aside(talk, text, f"{said}we {describe_speed(scene.speed_mps)}")
+    return aside(talk, text, f"{said}we {describe_speed(speed_mps)}")
 
 
 def tell_goal(talk: Conversation, text: str) -> Answer:

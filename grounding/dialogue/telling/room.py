@@ -40,11 +40,11 @@ _EMPTY = (
 def tell_room(talk: Conversation, text: str, words: str) -> Answer:
     """Tell whether there is a place; "do it" takes it then: "can we fit behind the red car?"."""
     if _NO_ROOM.search(text.lower()) and not names_thing(talk, words):
-        return tell_spot(talk, text, "")  # "is there really no gap?"
+        return _tell_spot(talk, text)  # "is there really no gap?"
     base = talk.state.request.query if talk.state.request else Query("", "park")
     reading = _read_place(talk, words, base)
     if reading is not None and _is_between_several(reading.query):
-        return tell_spot(talk, text, "")  # "any gap between the parked cars?"
+        return _tell_spot(talk, text)  # "any gap between the parked cars?"
     if reading is None and (manoeuvre := _read_manoeuvre(talk, words)) is not None:
         return propose(talk, text, requests_of(said(manoeuvre, text)))
     if reading is None:
@@ -70,10 +70,8 @@ def tell_room_at_each(talk: Conversation, text: str) -> Answer | None:
     return _tell_at_each(talk, text, requests_of(said(reading, text)), known[:_MOST_TOLD])
 
 
-def tell_spot(talk: Conversation, text: str, words: str) -> Answer:
-    """Tell where we could park: at the place that some words name, else anywhere at the edge of the road."""
-    if words and _read_place(talk, words, Query("", "park")) is not None:
-        return tell_room(talk, text, words)
+def _tell_spot(talk: Conversation, text: str) -> Answer:
+    """Tell where we could park, anywhere at the edge of the road."""
     return propose(talk, text, [Request(reading=Reading(Query(text, "park", ("park",))))])
 
 
@@ -146,7 +144,7 @@ def _tell_in_force(talk: Conversation, text: str, words: str) -> Answer:
     unused = " ".join(one.text for one in tokens if one.category not in _EMPTY)
     left_out = (f"left out: '{unused}'",) if unused else ()
     if goal is None:
-        told = tell_spot(talk, text, "")
+        told = _tell_spot(talk, text)
         return replace(told, reasons=(*told.reasons, *left_out))
     stands = state.plan[-1].query.action in STOPS
     gap = (describe_gap(goal.target, talk.scene),) if stands and goal.target is not None else ()
@@ -169,8 +167,10 @@ def _tell_at_each(
 
 
 def answer_spot(talk: Conversation, text: str, question: Question) -> Answer:
-    """Answer where we could park."""
-    return tell_spot(talk, text, question.words)
+    """Answer where we could park: at the place that the question names, else anywhere at the edge of the road."""
+    if question.words and _read_place(talk, question.words, Query("", "park")) is not None:
+        return tell_room(talk, text, question.words)
+    return _tell_spot(talk, text)
 
 
 def answer_room(talk: Conversation, text: str, question: Question) -> Answer | None:

@@ -28,10 +28,13 @@ _CLEAR = "nobody who is seen drives into our way there, at the speeds of now"
 UNSURE = f"{NOT_KNOWN}: signs, rules of parking, and what others will do"
 # Whether somebody comes nearer.
 _NEARER = re.compile(r"\b(?:closer|nearer|towards? (?:us|me)|at us|our way)\b")
-# Where those are who come from behind, and what stands for a vehicle before its place.
+# Words of vehicles that come from behind.
 _FROM_BEHIND = re.compile(r"\bfrom (?:behind|the back|the rear)(?: us| me)?\b")
+# Words of the lane that a plan changes to.
 _IN_IT = re.compile(r"\bin (?:it|there|that lane|that one)\b|\bthere$")
+# Words of vehicles that come towards us.
 _TOWARDS_US = re.compile(r"\btowards? (?:us|me)\b|\b(?:at us|our way|oncoming|the other way)\b")
+# What stands for a vehicle before its place: "anything behind us".
 _NAMELESS = re.compile(r"^(?:an? |any |up )?(?=from |behind |on |ahead |in )")
 # What leads in the manoeuvre that is asked about.
 _TO = re.compile(r"^.*?\bto ")
@@ -161,10 +164,8 @@ def tell_pace(talk: Conversation, text: str, question: Question) -> Answer | Non
         whose = "our own speed" if question.of_us else "which vehicle is meant"
         return aside(talk, text, *things.reasons) if things.reasons else unknown(talk, text, whose)
     if _NEARER.search(text.lower()):
-        yes = ("yes: " if approaches(one) else "no: " for one in things.items)
-        return aside(
-            talk, text, *(f"{a}{describe_one(b, talk.scene)}" for a, b in zip(yes, things.items, strict=True))
-        )
+        told = [f"{'yes' if approaches(one) else 'no'}: {describe_one(one, talk.scene)}" for one in things.items]
+        return aside(talk, text, *told)
     told = [f"{describe_one(one, talk.scene)}{describe_change(one)}" for one in things.items]
     open_ = any(one.acceleration_mps2 is None for one in things.items)
     return aside(talk, text, *told, *([f"{NOT_KNOWN}: whether it gets faster or slower"] if open_ else []))

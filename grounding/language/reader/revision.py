@@ -41,8 +41,6 @@ _COMMANDED = 0.5
 _ON_OUR_WAY = ("before", "past")
 # Most words of a sentence whose vehicle without a class ("the white one") is found in the scene.
 _SHORT = 6
-
-
 # Pronouns of things, of which no other word tells the class.
 _THINGS = ("it", "that", "this")
 

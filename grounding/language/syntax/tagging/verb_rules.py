@@ -63,9 +63,9 @@ _AFTER_PARKING = (
     WordCategory.DISTANCE,
     WordCategory.SUB,
 )
-
-# Relations of somebody who has passed: "until it is past", "until they are over".
+# Pronouns that stand for a noun before "behind": "anyone behind on the left".
 _ANYONE = ("anyone", "anybody", "someone", "somebody", "anything", "something")
+# Relations of somebody who has passed: "until it is past", "until they are over".
 _PASSED = ("past", "along", "opposite")
 # Verbs that turn round, but before a distance drive backwards.
 _GO_BACK = ("go back", "head back", "drive back")
