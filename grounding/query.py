@@ -48,6 +48,11 @@ _POSTMODIFIERS = {
 _NOT_LABELLED = ("beside_ego", "at_end", "in_row", "facing_us")
 
 
+def describe_qualifier(word: str) -> str:
+    """Return a qualifier in words: "beside us" for "beside_ego"."""
+    return _POSTMODIFIERS.get(word, word.replace("_", " "))
+
+
 @dataclass(frozen=True)
 class Referent:
     """The vehicle or person that a command refers to.

@@ -51,6 +51,7 @@ _FURTHER = (
     "out",
     "else",
     "beside",
+    "turning",
     "wrong",
     "sideways",
     "upto",

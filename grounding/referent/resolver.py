@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from grounding.query import Query, Referent
+from grounding.query import Query, Referent, describe_qualifier
 from grounding.referent.choice_reasons import DOUBTFUL_FIT, explain_choice, explain_nearer, explain_too_few
 from grounding.referent.clarification import compose_question, describe_differences, describe_one
 from grounding.referent.doubts import fits_badly, lacks_class, question_about
@@ -327,8 +327,11 @@ def _not_found(query: Query, referent: Referent, scene: SceneModel, scores: Refe
     reasons = [f"nothing here fits '{referent.phrase()}'"]
     if scores.matches.any():
         reasons = [_explain_no_pair(query, referent, scores)]
-    lacking = [word for word, fit in scores.word_fits.items() if float(fit.max()) < _LACKING_FIT]
-    reasons += [f"none of the {len(scene.table)} here is '{word}'" for word in lacking]
+    lacks = (word for word, fit in scores.word_fits.items() if float(fit.max()) < _LACKING_FIT)
+    lacking = [describe_qualifier(word.replace(" ", "_")) for word in lacks]
+    reasons += [
+        f"none of the {len(scene.table)} here is '{describe_qualifier(word.replace(' ', '_'))}'" for word in lacking
+    ]
     # The mean ranks objects that miss one word before objects that miss all.
     order = np.lexsort((scene.table.distance_m, -word_fits.mean(axis=0).round(1)))[: limit // 2]
     product = np.log(scores.fit + 1e-9)

@@ -52,7 +52,15 @@ from grounding.dialogue.telling.things import (
     find_things,
     names_thing,
 )
-from grounding.dialogue.telling.traffic import UNSURE, tell_coming, tell_lane, tell_pace, tell_safe, tell_waiting
+from grounding.dialogue.telling.traffic import (
+    UNSURE,
+    tell_coming,
+    tell_lane,
+    tell_pace,
+    tell_safe,
+    tell_turning,
+    tell_waiting,
+)
 from grounding.language import WordCategory
 from grounding.language.questions import Question, read_question
 from grounding.language.replies import says_no
@@ -219,6 +227,8 @@ def _tell_motion(talk: Conversation, text: str, question: Question, moving: bool
         bare = question.of_us and not question.words and {*question.kinds} <= _OF_OUR_MOTION
         known = talk.scene.speed_mps is not None
         return tell_own_speed(talk, text, question, moving) if bare and known else tell_waiting(talk, text, question)
+    if "turning" in question.kinds:
+        return tell_turning(talk, text, things)
     if len(things.found) != 1:
         return _tell_description(talk, text, question)
     (item,) = things.items

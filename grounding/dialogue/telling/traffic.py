@@ -10,10 +10,16 @@ import numpy as np
 from appocc.motion_state import MOVING_MPS
 from grounding.answer import Answer
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.telling.measures import approaches, describe_change, describe_one, find_in_lane
+from grounding.dialogue.telling.measures import (
+    approaches,
+    describe_change,
+    describe_facing,
+    describe_one,
+    find_in_lane,
+)
 from grounding.dialogue.telling.phrases import describe_goal
 from grounding.dialogue.telling.reports import NOT_KNOWN, aside, tell_reasons, unknown
-from grounding.dialogue.telling.things import describe_any, find_things
+from grounding.dialogue.telling.things import Things, describe_any, find_things
 from grounding.goal.conflicts import explain_conflicts
 from grounding.language.questions import Question
 from grounding.query import Referent
@@ -40,6 +46,8 @@ _NAMELESS = re.compile(r"^(?:an? |any |up )?(?=from |behind |on |ahead |in )")
 _TO = re.compile(r"^.*?\bto ")
 # Who is in the lane beside ours this far behind and ahead of us hinders us there.
 _LANE_BACK_M, _LANE_AHEAD_M, _MOST_TOLD = 30.0, 20.0, 3
+# A vehicle turns off at a greater yaw rate.
+_TURNING_RADPS = 0.12
 # Who is beside us is this near along our lane.
 _LEVEL_M = 6.0
 _LANES, _SIDES = ("left_lane", "right_lane"), ("left_side", "right_side")
@@ -169,3 +177,20 @@ def tell_pace(talk: Conversation, text: str, question: Question) -> Answer | Non
     told = [f"{describe_one(one, talk.scene)}{describe_change(one)}" for one in things.items]
     open_ = any(one.acceleration_mps2 is None for one in things.items)
     return aside(talk, text, *told, *([f"{NOT_KNOWN}: whether it gets faster or slower"] if open_ else []))
+
+
+def tell_turning(talk: Conversation, text: str, things: Things) -> Answer:
+    """Tell whether vehicles turn off, by their yaw rates."""
+    told = [f"{_turns(one)}{describe_facing(one, talk.scene)}" for one in things.items]
+    open_ = any(one.is_moving and one.yaw_rate_radps is None for one in things.items)
+    unsure = [f"{NOT_KNOWN}: whether it is turning"] if open_ else []
+    return aside(talk, text, *(told or things.reasons), *unsure)
+
+
+def _turns(item: SceneObject) -> str:
+    """Return whether an object turns, before it is told; '' where that is not known."""
+    if not item.is_moving:
+        return "no: " if item.is_standing else ""
+    if item.yaw_rate_radps is None:
+        return ""
+    return "yes: " if abs(item.yaw_rate_radps) > _TURNING_RADPS else "no: "
