@@ -66,9 +66,8 @@ _FACING = ", facing the traffic"
 _FOLLOW = "it does not stand still: shall we follow it?"
 _CANNOT = {"overtake": "there is nothing to overtake", "turn": "we do not turn across its way"}
 _LET_PASS = "it comes towards us: shall we let it pass?"
-# Relations of a place that has to stay where the vehicle is, and those of going to it.
+# Relations of a place that has to stay where the vehicle is.
 _BESIDE = ("next_to", "left_of", "right_of")
-_GOING_TO = (*_BESIDE, "toward", "near", "at", "none")
 _QUESTIONS = {
     BEHIND_US: "there is no such place ahead of us: shall we go back to the one behind us?",
     TURNED: "it stands on the other side of the road: shall we turn round here?",
@@ -228,10 +227,9 @@ def plan_place(
     turned = query.road_side == "opposite" and start is not None and np.cos(start.heading_rad) < 0
     query = query.on_side(-road.traffic_side if turned else road.traffic_side)
     limits = PlaceLimits.of(query, road.traffic_side)
-    staying = _GOING_TO if query.action == "approach" else _BESIDE
     if (
         item is not None
-        and (query.action in _CANNOT or query.relation in staying or drives_away(query, item))
+        and (query.action in _CANNOT or query.relation in _BESIDE or drives_away(query, item))
         and comes_towards_us(item, road)
         and query.trigger is None
     ):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from street import BLACK, BLUE, GREY, RED, WHITE, YELLOW, Street, told
 
@@ -111,12 +110,6 @@ def test_where_there_is_no_spot_another_place_is_offered() -> None:
     assert "no" in told(session, "is there anywhere to park on the right?")
     assert session.question
     assert session.say("ok take it").target is not None
-
-
-def test_nobody_goes_to_who_comes_towards_us() -> None:
-    answer = Street().car("red", 28, 5.0, RED, np.pi, 11.0).grounder().ground("take me to the red car")
-    assert answer.plan.refused
-    assert "towards us" in answer.question
 
 
 @pytest.mark.parametrize("turn", ["pick him up", "go and pick him up please"])
